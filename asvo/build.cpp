@@ -1,0 +1,420 @@
+// The builder: triangles are spread over cells of a coarse level (buckets); each bucket is then
+// built on its own, top down, with the list of triangles that touch each cell. A list keeps the
+// order of the source and a bucket is one task, so the result does not depend on the number of
+// threads.
+#include <oneapi/tbb/blocked_range.h>
+#include <oneapi/tbb/parallel_for.h>
+#include <oneapi/tbb/parallel_reduce.h>
+
+#include <algorithm>
+#include <atomic>
+#include <bit>
+#include <cmath>
+#include <string>
+
+#include "asvo/build_parts.h"
+
+namespace asvo {
+namespace {
+
+constexpr int kBucketLevel = 3;
+/// Triangles prepared at a time in a task; a bucket with more is split first.
+constexpr std::size_t kMaxPrepared = 8192;
+
+bool isFinite(const Triangle& triangle) {
+  for (const glm::vec3& p : triangle.position) {
+    if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z)) return false;
+  }
+  return true;
+}
+
+struct Bounds {
+  glm::dvec3 lower{1e300}, upper{-1e300};
+  bool empty() const { return !(lower.x <= upper.x); }
+};
+
+Bounds boundsOf(const TriangleSource& source) {
+  auto extend = [&](const tbb::blocked_range<std::uint64_t>& range, Bounds bounds) {
+    Triangle triangle;
+    for (std::uint64_t i = range.begin(); i < range.end(); ++i) {
+      source.get(i, triangle);
+      if (!isFinite(triangle)) continue;
+      for (const glm::vec3& p : triangle.position) {
+        bounds.lower = glm::min(bounds.lower, glm::dvec3(p));
+        bounds.upper = glm::max(bounds.upper, glm::dvec3(p));
+      }
+    }
+    return bounds;
+  };
+  auto join = [](const Bounds& a, const Bounds& b) {
+    return Bounds{glm::min(a.lower, b.lower), glm::max(a.upper, b.upper)};
+  };
+  return tbb::parallel_reduce(tbb::blocked_range<std::uint64_t>(0, source.count(), 4096), Bounds{},
+                              extend, join);
+}
+
+/// The cube: as given, or around the bounds. The margins differ, so that walls on round coordinates
+/// seldom fall on faces of voxels.
+Grid makeGrid(const TriangleSource& source, const BuildOptions& options, int depth) {
+  Grid grid{glm::dvec3(options.lower), options.size, depth};
+  if (options.size > 0.0f) return grid;
+  const Bounds bounds = boundsOf(source);
+  if (bounds.empty()) return {glm::dvec3(0.0), 1.0, depth};
+  const glm::dvec3 size = bounds.upper - bounds.lower;
+  const glm::dvec3 far = glm::max(glm::abs(bounds.lower), glm::abs(bounds.upper));
+  double extent = std::max(size.x, std::max(size.y, size.z));
+  extent = std::max(extent, std::max(far.x, std::max(far.y, far.z)) * 1e-5);
+  if (!(extent > 0.0)) extent = 1.0;
+  // Rounded to the floats that the tracer uses.
+  grid.lower = glm::dvec3(glm::vec3(bounds.lower - extent * 0.0017));
+  grid.size = static_cast<float>(extent * 1.0041);
+  return grid;
+}
+
+/// Triangle i on the grid; false if it is to be ignored: not finite, or without area.
+bool load(const TriangleSource& source, std::uint64_t i, Triangle& triangle) {
+  source.get(i, triangle);
+  if (!isFinite(triangle)) return false;
+  const glm::dvec3 a(triangle.position[0]), b(triangle.position[1]), c(triangle.position[2]);
+  const glm::dvec3 n = glm::cross(b - a, c - a);
+  return glm::dot(n, n) > 0.0;
+}
+
+/// Calls visit(octant) for the children of the cell at p (edge 2 * half) that the triangle touches;
+/// most small triangles are decided by their bounds.
+template <typename Visit>
+void forChildren(const Triangle& triangle, const Grid& grid, const glm::vec3& p, float half,
+                 const Visit& visit) {
+  const double scale = grid.scale(), tolerance = 2.0 * grid.tolerance();
+  glm::dvec3 lower(1e300), upper(-1e300);
+  for (const glm::vec3& q : triangle.position) {
+    const glm::dvec3 g = (glm::dvec3(q) - grid.lower) * scale;
+    lower = glm::min(lower, g);
+    upper = glm::max(upper, g);
+  }
+  std::uint32_t possible = 0xffu;
+  constexpr std::uint32_t kUpperHalf[3] = {0xaau, 0xccu, 0xf0u};
+  for (int axis = 0; axis < 3; ++axis) {
+    const double middle = static_cast<double>(p[axis]) + half;
+    if (upper[axis] < middle - tolerance) possible &= ~kUpperHalf[axis];
+    if (lower[axis] > middle + tolerance) possible &= kUpperHalf[axis];
+  }
+  if (!std::has_single_bit(possible)) {
+    const GridTriangle gridTriangle(triangle, grid);
+    possible &= gridTriangle.box.children(p, half, TriangleBox::kAllGroups);
+  }
+  for (; possible != 0; possible &= possible - 1) visit(std::countr_zero(possible));
+}
+
+glm::vec3 childCorner(const glm::vec3& p, float half, int octant) {
+  return p + half * glm::vec3(octant & 1, octant >> 1 & 1, octant >> 2);
+}
+
+/// A triangle in the list of a cell.
+struct ListEntry {
+  std::uint32_t triangle;     ///< number among the prepared ones
+  std::uint8_t groups;        ///< tests not decided yet
+  std::uint8_t children = 0;  ///< octants it touches
+};
+
+/// Builds the leaves below one bucket.
+class SubTree {
+ public:
+  SubTree(const TriangleSource& source, const Grid& grid, std::uint64_t maxLeaves)
+      : source_(source), grid_(grid), maxLeaves_(maxLeaves), leafBuilder_(source, grid) {}
+
+  /// Splits by triangles read from the source until few enough are left to prepare them all.
+  void build(int level, const glm::vec3& p, std::uint64_t key, std::vector<std::uint32_t> list) {
+    if (level == grid_.depth) {
+      buildLeafFromSource(p, key, list);
+    } else if (list.size() <= kMaxPrepared) {
+      prepare(list);
+      if (!entries_.empty()) descend(level, p, key, 0, entries_.size());
+    } else {
+      const float half = edgeOf(level + 1);
+      std::vector<std::uint32_t> lists[8];
+      Triangle triangle;
+      for (const std::uint32_t i : list) {
+        if (!load(source_, i, triangle)) continue;
+        forChildren(triangle, grid_, p, half, [&](int octant) { lists[octant].push_back(i); });
+      }
+      list = {};
+      for (int octant = 0; octant < 8; ++octant) {
+        if (lists[octant].empty()) continue;
+        build(level + 1, childCorner(p, half, octant), key << 3 | octant, std::move(lists[octant]));
+      }
+    }
+  }
+
+  LeafList take() { return std::move(leaves_); }
+
+ private:
+  float edgeOf(int level) const { return static_cast<float>(kSubVoxels << (grid_.depth - level)); }
+
+  void buildLeafFromSource(const glm::vec3& p, std::uint64_t key,
+                           const std::vector<std::uint32_t>& list) {
+    leafBuilder_.start(p);
+    Triangle triangle;
+    for (const std::uint32_t i : list) {
+      if (!load(source_, i, triangle)) continue;
+      leafBuilder_.add(GridTriangle(triangle, grid_), TriangleBox::kAllGroups);
+    }
+    leafBuilder_.finish(key, leaves_);
+  }
+
+  void prepare(const std::vector<std::uint32_t>& list) {
+    triangles_.clear();
+    entries_.clear();
+    triangles_.reserve(list.size());
+    Triangle triangle;
+    for (const std::uint32_t i : list) {
+      if (!load(source_, i, triangle)) continue;
+      entries_.push_back({static_cast<std::uint32_t>(triangles_.size()), TriangleBox::kAllGroups});
+      triangles_.emplace_back(triangle, grid_);
+    }
+  }
+
+  /// The cell's list is entries_[first, last); the lists of its children are pushed behind.
+  void descend(int level, const glm::vec3& p, std::uint64_t key, std::size_t first,
+               std::size_t last) {
+    if (level == grid_.depth) {
+      leafBuilder_.start(p);
+      for (std::size_t i = first; i < last; ++i) {
+        leafBuilder_.add(triangles_[entries_[i].triangle], entries_[i].groups);
+      }
+      leafBuilder_.finish(key, leaves_);
+      return;
+    }
+    if (leaves_.keys.size() > maxLeaves_) return;
+    const float half = edgeOf(level + 1);
+    std::uint32_t all = 0;
+    for (std::size_t i = first; i < last; ++i) {
+      ListEntry& entry = entries_[i];
+      const TriangleBox& box = triangles_[entry.triangle].box;
+      entry.groups = static_cast<std::uint8_t>(box.undecided(p, 2.0f * half, entry.groups));
+      entry.children = static_cast<std::uint8_t>(box.children(p, half, entry.groups));
+      all |= entry.children;
+    }
+    for (; all != 0; all &= all - 1) {
+      const int octant = std::countr_zero(all);
+      const std::size_t begin = entries_.size();
+      for (std::size_t i = first; i < last; ++i) {
+        const ListEntry entry = entries_[i];
+        if (entry.children >> octant & 1) entries_.push_back({entry.triangle, entry.groups});
+      }
+      descend(level + 1, childCorner(p, half, octant), key << 3 | octant, begin, entries_.size());
+      entries_.resize(begin);
+    }
+  }
+
+  const TriangleSource& source_;
+  const Grid& grid_;
+  std::uint64_t maxLeaves_;
+  LeafBuilder leafBuilder_;
+  std::vector<GridTriangle> triangles_;
+  std::vector<ListEntry> entries_;
+  LeafList leaves_;
+};
+
+/// Triangles by bucket (Morton code at the bucket level), each list in the order of the source.
+using Buckets = std::vector<std::vector<std::uint32_t>>;
+
+void spread(const Triangle& triangle, std::uint32_t i, const Grid& grid, int levels,
+            const glm::vec3& p, float edge, std::uint32_t key, Buckets& buckets) {
+  if (levels == 0) {
+    buckets[key].push_back(i);
+    return;
+  }
+  forChildren(triangle, grid, p, 0.5f * edge, [&](int octant) {
+    spread(triangle, i, grid, levels - 1, childCorner(p, 0.5f * edge, octant), 0.5f * edge,
+           key << 3 | static_cast<std::uint32_t>(octant), buckets);
+  });
+}
+
+Buckets fillBuckets(const TriangleSource& source, const Grid& grid, int level) {
+  const std::uint64_t count = source.count();
+  constexpr std::uint64_t kChunk = 1u << 16;
+  const std::size_t bucketCount = std::size_t{1} << (3 * level);
+  std::vector<Buckets> parts((count + kChunk - 1) / kChunk);
+  tbb::parallel_for(std::size_t{0}, parts.size(), [&](std::size_t part) {
+    parts[part].resize(bucketCount);
+    const std::uint64_t end = std::min(count, (part + 1) * kChunk);
+    Triangle triangle;
+    for (std::uint64_t i = part * kChunk; i < end; ++i) {
+      if (!load(source, i, triangle)) continue;
+      spread(triangle, static_cast<std::uint32_t>(i), grid, level, glm::vec3(0.0f),
+             static_cast<float>(grid.cells()), 0, parts[part]);
+    }
+  });
+  Buckets buckets(bucketCount);
+  tbb::parallel_for(std::size_t{0}, bucketCount, [&](std::size_t b) {
+    std::size_t size = 0;
+    for (const Buckets& part : parts) size += part[b].size();
+    buckets[b].reserve(size);
+    for (Buckets& part : parts) {
+      buckets[b].insert(buckets[b].end(), part[b].begin(), part[b].end());
+      part[b] = {};
+    }
+  });
+  return buckets;
+}
+
+glm::vec3 cornerOfMorton(std::uint32_t key, int levels, float edge) {
+  glm::vec3 p(0.0f);
+  for (int l = 0; l < levels; ++l) {
+    p += std::ldexp(edge, l) *
+         glm::vec3(key >> (3 * l) & 1u, key >> (3 * l + 1) & 1u, key >> (3 * l + 2) & 1u);
+  }
+  return p;
+}
+
+/// All leaves, by bucket; false if there are more than maxLeaves.
+bool buildLeaves(const TriangleSource& source, const Grid& grid, std::uint64_t maxLeaves,
+                 std::vector<LeafList>& lists) {
+  const int level = std::min(kBucketLevel, grid.depth);
+  Buckets buckets = fillBuckets(source, grid, level);
+  lists.assign(buckets.size(), {});
+  std::atomic<std::uint64_t> total{0};
+  const float edge = static_cast<float>(kSubVoxels << (grid.depth - level));
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, buckets.size(), 1), [&](const auto& range) {
+    for (std::size_t b = range.begin(); b < range.end(); ++b) {
+      if (buckets[b].empty() || total > maxLeaves) continue;
+      SubTree subTree(source, grid, maxLeaves);
+      const auto key = static_cast<std::uint32_t>(b);
+      subTree.build(level, cornerOfMorton(key, level, edge), key, std::move(buckets[b]));
+      lists[b] = subTree.take();
+      total += lists[b].keys.size();
+    }
+  });
+  return total <= maxLeaves;
+}
+
+/// Counts the nodes of each level from the sorted keys of the leaves.
+std::vector<std::uint32_t> countLevels(const std::vector<std::uint64_t>& keys, int depth) {
+  std::vector<std::uint64_t> counts(static_cast<std::size_t>(depth) + 1, 0);
+  for (std::size_t i = 0; i < keys.size(); ++i) {
+    // A leaf starts new nodes from the first level where it differs from the leaf before.
+    const int same =
+        i == 0 ? -1 : depth - (static_cast<int>(std::bit_width(keys[i] ^ keys[i - 1])) + 2) / 3;
+    for (int level = same + 1; level <= depth; ++level) ++counts[level];
+  }
+  std::vector<std::uint32_t> offsets(1, 0);
+  for (const std::uint64_t count : counts) {
+    offsets.push_back(offsets.back() + static_cast<std::uint32_t>(count));
+  }
+  return offsets;
+}
+
+template <typename T>
+void append(std::vector<T>& to, std::vector<T>& from, std::size_t at) {
+  std::copy(from.begin(), from.end(), to.begin() + static_cast<std::ptrdiff_t>(at));
+  from = {};
+}
+
+Tree assemble(std::vector<LeafList>& lists, const Grid& grid) {
+  std::vector<std::size_t> starts(1, 0);
+  for (const LeafList& list : lists) starts.push_back(starts.back() + list.keys.size());
+  std::vector<std::uint64_t> keys(starts.back());
+  for (std::size_t b = 0; b < lists.size(); ++b) append(keys, lists[b].keys, starts[b]);
+
+  Tree tree;
+  tree.levelOffsets = countLevels(keys, grid.depth);
+  const std::uint32_t nodeCount = tree.levelOffsets.back();
+  const std::uint32_t firstLeaf = tree.levelOffsets[grid.depth];
+  tree.info = {static_cast<float>(grid.lower.x),
+               static_cast<float>(grid.lower.y),
+               static_cast<float>(grid.lower.z),
+               static_cast<float>(grid.size),
+               static_cast<uint>(grid.depth),
+               nodeCount,
+               firstLeaf,
+               nodeCount - firstLeaf};
+  tree.nodes.assign(nodeCount, uvec2(0u));
+  tree.voxels.resize(2ull * nodeCount);
+  tree.leaves.resize(tree.info.leafCount);
+  std::vector<Surface> surfaces(nodeCount);
+  tbb::parallel_for(std::size_t{0}, lists.size(), [&](std::size_t b) {
+    append(tree.voxels, lists[b].voxels, 2 * (firstLeaf + starts[b]));
+    append(tree.leaves, lists[b].leaves, starts[b]);
+    append(surfaces, lists[b].surfaces, firstLeaf + starts[b]);
+  });
+  buildLevels(tree, std::move(keys), surfaces);
+  return tree;
+}
+
+/// A root without children.
+Tree emptyTree(const Grid& grid) {
+  Tree tree;
+  tree.info = {static_cast<float>(grid.lower.x),
+               static_cast<float>(grid.lower.y),
+               static_cast<float>(grid.lower.z),
+               static_cast<float>(grid.size),
+               1u,
+               1u,
+               1u,
+               0u};
+  tree.nodes.assign(1, uvec2(1u, 0u));
+  tree.voxels.resize(2);
+  VoxelSums().pack(tree.voxels[0], tree.voxels[1]);
+  tree.levelOffsets = {0, 1, 1};
+  return tree;
+}
+
+std::uint64_t bytesOf(const Tree& tree) {
+  return tree.nodes.size() * (sizeof(uvec2) + 3 * sizeof(uvec4)) +
+         tree.leaves.size() * sizeof(uvec4);
+}
+
+void check(const TriangleSource& source, const BuildOptions& options) {
+  if (options.depth < 0 || options.depth > static_cast<int>(ASVO_MAX_DEPTH)) {
+    throw std::invalid_argument("asvo: depth must lie in 0.." + std::to_string(ASVO_MAX_DEPTH));
+  }
+  if (source.count() > 0xffffffffull) {
+    throw std::invalid_argument("asvo: more than 2^32 - 1 triangles");
+  }
+  const glm::vec3 lower = options.lower;
+  if (!std::isfinite(options.size) || options.size < 0.0f || !std::isfinite(lower.x) ||
+      !std::isfinite(lower.y) || !std::isfinite(lower.z)) {
+    throw std::invalid_argument("asvo: the cube must be finite and its size not negative");
+  }
+}
+
+}  // namespace
+
+GridTriangle::GridTriangle(const Triangle& triangle, const Grid& grid)
+    : source(triangle),
+      vertex{(glm::dvec3(triangle.position[0]) - grid.lower) * grid.scale(),
+             (glm::dvec3(triangle.position[1]) - grid.lower) * grid.scale(),
+             (glm::dvec3(triangle.position[2]) - grid.lower) * grid.scale()},
+      normal(glm::cross(vertex[1] - vertex[0], vertex[2] - vertex[0])),
+      flatAxis(-1),
+      box(vertex, normal, grid.tolerance()) {
+  const double length = glm::length(normal);
+  normal = length > 0.0 ? normal / length : glm::dvec3(0.0, 0.0, 1.0);
+  for (int axis = 0; axis < 3; ++axis) {
+    const double a = vertex[0][axis], b = vertex[1][axis], c = vertex[2][axis];
+    const double thickness = std::max(a, std::max(b, c)) - std::min(a, std::min(b, c));
+    if (thickness <= grid.tolerance() && std::abs(normal[axis]) > 0.9) flatAxis = axis;
+  }
+}
+
+Tree Tree::build(const TriangleSource& source, const BuildOptions& options) {
+  check(source, options);
+  constexpr std::uint64_t kMaxLeaves = 1ull << 28;  // node numbers of 32 bits, twice
+  constexpr std::uint64_t kBytesPerLeaf = sizeof(uvec2) + 4 * sizeof(uvec4);
+  std::uint64_t maxLeaves = std::min(options.maxLeaves, kMaxLeaves);
+  if (options.maxBytes > 0) maxLeaves = std::min(maxLeaves, options.maxBytes / kBytesPerLeaf);
+  Grid grid = makeGrid(source, options, options.depth > 0 ? options.depth : 8);
+  for (;; --grid.depth) {
+    const bool last = grid.depth == 1;
+    std::vector<LeafList> lists;
+    if (!buildLeaves(source, grid, last ? kMaxLeaves : maxLeaves, lists)) continue;
+    bool any = false;
+    for (const LeafList& list : lists) any = any || !list.keys.empty();
+    if (!any) return emptyTree(grid);
+    Tree tree = assemble(lists, grid);
+    if (last || options.maxBytes == 0 || bytesOf(tree) <= options.maxBytes) return tree;
+  }
+}
+
+}  // namespace asvo

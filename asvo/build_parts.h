@@ -1,0 +1,123 @@
+// What the parts of the builder share. Private to asvo/.
+#pragma once
+
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <span>
+#include <vector>
+
+#include "asvo/asvo.h"
+#include "asvo/polygon.h"
+#include "asvo/tracer.h"
+#include "asvo/triangle_box.h"
+
+namespace asvo {
+
+/// Sub-voxels a leaf edge.
+inline constexpr int kSubVoxels = 4;
+
+/// The grid of sub-voxels over the cube.
+struct Grid {
+  glm::dvec3 lower;
+  double size;
+  int depth;
+  double cells() const { return static_cast<double>(kSubVoxels << depth); }
+  double scale() const { return cells() / size; }
+  /// How far outside a box a triangle still counts as touching it, in sub-voxels: above the
+  /// rounding of the tests here and of the tracer's positions, both a few ulp of the grid.
+  double tolerance() const { return cells() * 1e-6; }
+};
+
+/// A triangle on the grid with all that its leaves need.
+struct GridTriangle {
+  GridTriangle(const Triangle& triangle, const Grid& grid);
+  Triangle source;
+  glm::dvec3 vertex[3];  ///< sub-voxels
+  glm::dvec3 normal;     ///< unit; zero if the triangle has no area
+  int flatAxis;          ///< axis along which it is thinner than the tolerance, or -1
+  TriangleBox box;
+};
+
+/// What filtering needs of a voxel beside its words.
+struct Surface {
+  vec2 sides{0.0f};  ///< area of faces along and against the normal, m^2
+  Moments moments;   ///< lengths in edges of the voxel from its centre, areas in m^2
+};
+
+/// Leaves of a sub-tree in Morton order.
+struct LeafList {
+  std::vector<std::uint64_t> keys;
+  std::vector<uvec4> voxels, leaves;
+  std::vector<Surface> surfaces;
+};
+
+/// Makes leaves, one after the other, from the triangles that touch them. One a thread.
+class LeafBuilder {
+ public:
+  LeafBuilder(const TriangleSource& source, const Grid& grid) : source_(source), grid_(grid) {}
+  /// Starts the leaf with lower corner p, in sub-voxels.
+  void start(const glm::vec3& p);
+  /// Adds a triangle; `groups`: its tests that are not decided yet.
+  void add(const GridTriangle& triangle, GroupMask groups);
+  /// Appends the leaf to out, unless no sub-voxel was touched.
+  void finish(std::uint64_t key, LeafList& out);
+
+  /// The part of a triangle in the leaf, or of several.
+  struct Piece {
+    float weight;  ///< area in the leaf, in leaf faces, plus a trifle
+    glm::vec3 normal;
+    std::uint32_t material;
+    Shade shade;
+  };
+
+ private:
+  void mergePieces();
+  std::uint32_t dominantMaterial();
+  uvec4 packLeaf(std::uint32_t packedNormal) const;
+
+  const TriangleSource& source_;
+  const Grid& grid_;
+  glm::vec3 corner_{0.0f};
+  std::uint64_t mask_ = 0;
+  bool merged_ = false;
+  Moments moments_;  ///< of all pieces, in sub-voxels
+  std::vector<Piece> pieces_;
+  std::vector<glm::vec3> corners_;  ///< of all polygons, for the plane
+  std::vector<std::pair<std::uint32_t, float>> materials_;
+};
+
+/// Makes the levels above the leaves. tree.info, nodes (sized), voxels and surfaces of the leaves
+/// and levelOffsets are set; keys are those of the leaves.
+void buildLevels(Tree& tree, std::vector<std::uint64_t> keys, std::vector<Surface>& surfaces);
+
+/// Average of normals. Faces that cancel each other, as those of a thin slab, are turned to one
+/// side of their dominant axis first; the edges and corners of solid bodies are not.
+class NormalSum {
+ public:
+  /// `along`, `against`: area of faces along and against the normal.
+  void add(const glm::vec3& normal, float along, float against);
+  /// Unit; of either sign.
+  glm::vec3 normal() const;
+
+ private:
+  float total_ = 0.0f;
+  glm::vec3 plain_{0.0f}, extent_{0.0f}, last_{0.0f, 0.0f, 1.0f};
+  glm::vec3 aligned_[3] = {glm::vec3(0.0f), glm::vec3(0.0f), glm::vec3(0.0f)};
+};
+
+/// The voxel words of averages. `weight` is the sum of weights of albedo.
+struct VoxelSums {
+  float coverage[6] = {};  ///< +x -x +y -y +z -z, [0, 1]
+  glm::vec3 albedo{0.0f};  ///< weighted
+  float weight = 0.0f;
+  glm::vec3 normal{0.0f, 0.0f, 1.0f};                       ///< unit
+  glm::vec3 power[2] = {glm::vec3(0.0f), glm::vec3(0.0f)};  ///< radiance * area by side
+  float area = 0.0f;                                        ///< of a side, m^2
+  std::uint32_t material = 0;
+  void pack(uvec4& first, uvec4& second) const;
+};
+
+/// Gives access to the packing functions of the tracer.
+const Tracer& packer();
+
+}  // namespace asvo

@@ -1,0 +1,188 @@
+// HCCMesh: a triangle mesh and its bounding volume hierarchy in one compressed, randomly accessible
+// buffer, after HCCMeshes [Kim et al., Eurographics 2010].
+//
+// PURPOSE. Trace meshes many times larger than what a plain triangle hierarchy lets fit in memory:
+// 8 to 10 bytes a triangle with all of the hierarchy inside a cluster (positions only; octahedral
+// normals add about 2.7). The caller puts a hierarchy of its choice over clusterBounds() and calls
+// intersect() for each cluster that a ray may meet.
+//
+// MEMORY LAYOUT (FORMAT.md has every byte).
+//
+//   header | cluster table | blob blob blob ... | 32 zero bytes
+//                             |
+//                             header 40 | boxes of leaves, 8 bits | leaf starts | topology, 3 x b
+//                             bits a triangle | vertices, wx+wy+wz bits each | attributes, if any
+//
+// A cluster is up to 128 triangles of one material and object, in leaves of up to 8.
+//
+// UNITS. Positions live on one integer grid for the whole mesh: step() is a power of two and
+// |grid| <= 2^23, so a grid coordinate is exact in a float. "Mesh space" is metres relative to
+// gridOrigin(): step * grid. t is in units of the ray's direction, which need not be unit length.
+//
+// WATERTIGHT. A vertex relative to the ray is float(grid) - origin/step, rounded once: it depends
+// on the vertex's global integers and the ray alone, so two clusters compute bit-equal coordinates
+// for a vertex they share, and the test of [Woop et al., JCGT 2013] (exact signs by a fallback to
+// double) lets nothing through their common edge, however far the origin is. (An origin beyond four
+// extents is first moved along the ray, in double, to two extents from the grid's origin: the same
+// for all clusters.) Boxes are widened by more than the rounding of both tests [Ize, JCGT 2013]. A
+// hierarchy above must allow for the same: clusters' bounds are already two cells wider than the
+// vertices; t may be off by 2^-21 of itself.
+//
+// TRUST. fromBytes() takes anything: it checks every size, offset, index and box and an XXH3 of the
+// whole buffer, and throws FormatError. What it accepts never makes another call read outside the
+// buffer. build() checks indices and throws std::invalid_argument; it drops triangles with
+// non-finite corners. Cluster and triangle numbers given to a Mesh must be in range (not checked).
+//
+// THREADS. A Mesh is immutable: all const calls may run at once. build() and fromBytes() use
+// oneTBB. A PreparedRay and a Hit belong to one thread.
+//
+// LIMITS. 16 GiB a buffer; extents from 1e-26 (below: coarser) to 1e30 m; 2^32-1 clusters.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <vector>
+
+namespace hccm {
+
+/// Thrown for a buffer that is not a valid mesh; the message says what and at which byte.
+struct FormatError : std::runtime_error {
+  using std::runtime_error::runtime_error;
+};
+
+/// Triangles of one material and one object, as they come from a source. Not owned.
+struct Part {
+  std::span<const glm::vec3> positions;
+  std::span<const glm::uvec3> triangles;
+  std::span<const glm::vec3> normals;    ///< empty or one a position
+  std::span<const glm::vec2> texCoords;  ///< empty or one a position
+  std::span<const glm::u8vec4> colors;   ///< empty or one a position
+  glm::dmat4 transform{1.0};             ///< to the space that gridOrigin is given in; affine
+  std::uint32_t material = 0, object = 0;
+};
+
+struct BuildOptions {
+  int precisionBits = 24;    ///< grid cells along the largest extent: 2^bits, 8..24
+  bool chooseOrigin = true;  ///< grid origin = centre of the bounds; else as given
+  glm::dvec3 gridOrigin{0.0};
+};
+
+/// Bytes by part, for `trex info` and the memory bar.
+struct Sizes {
+  std::uint64_t header = 0, clusterTable = 0, clusterHeaders = 0, vertices = 0, topology = 0,
+                nodes = 0, normals = 0, texCoords = 0, colors = 0;
+  std::uint64_t total() const;
+};
+
+/// A ray in mesh space. The largest component of the direction must be at least 2^-60 and finite,
+/// else nothing is hit. tnear <= t <= tfar; tfar may be infinite.
+struct Ray {
+  glm::vec3 origin;
+  float tnear;
+  glm::vec3 direction;
+  float tfar;
+};
+
+/// u, v: barycentric weights of the second and third vertex. Starts as "nothing".
+struct Hit {
+  static constexpr std::uint32_t kNothing = 0xffffffffu;
+  float t = 0.0f, u = 0.0f, v = 0.0f;
+  std::uint32_t cluster = kNothing, triangle = kNothing;
+};
+
+/// A decoded triangle in mesh space. Attributes that the mesh does not store are zero (colour one).
+struct Triangle {
+  glm::vec3 position[3];  ///< exact: step * grid
+  glm::vec3 normal[3];
+  glm::vec2 texCoord[3];
+  glm::vec4 color[3];
+  bool hasNormals, hasTexCoords, hasColors;
+  std::uint32_t material, object;
+};
+
+/// What one ray needs in every cluster, computed once a ray and mesh. Lengths in grid cells.
+struct PreparedRay {
+  float origin[3];
+  float shear[3];        ///< [Woop et al. 2013]: d[kx]/d[kz], d[ky]/d[kz], 1/d[kz]
+  float inverse[3];      ///< 1/direction, never infinite
+  float tnear, tfar;     ///< in cells a unit of direction; see Mesh::setFar
+  float step, cells;     ///< metres a cell, cells a metre
+  double shift;          ///< t that origin was moved forward by, in those units
+  std::int32_t axis[3];  ///< kx, ky, kz
+};
+
+class Mesh {
+ public:
+  /// Builds from parts. Equal input gives equal bytes for any number of threads. Triangles with two
+  /// equal corners on the grid are dropped (all others are kept, so nothing opens), as are those
+  /// with non-finite corners; see droppedTriangles(). Parts of the same material, object and set of
+  /// attributes share clusters. A part whose transform mirrors has its triangles turned around, so
+  /// that counter-clockwise stays the front; normals go by the inverse transpose. Throws
+  /// std::invalid_argument for an index out of range, an array of the wrong length or an extent
+  /// outside the limits.
+  static Mesh build(std::span<const Part> parts, const BuildOptions& options = {});
+  /// Takes a buffer after validating all of it. Throws FormatError.
+  static Mesh fromBytes(std::vector<std::byte> bytes);
+
+  std::span<const std::byte> bytes() const { return bytes_; }
+  std::uint64_t triangleCount() const;
+  std::uint64_t droppedTriangles() const;  ///< of the source
+  std::uint32_t clusterCount() const;
+  glm::dvec3 gridOrigin() const;  ///< metres
+  double step() const;            ///< metres
+  double errorBound() const;      ///< metres, largest distance of a vertex to its source
+  Sizes sizes() const;            ///< walks over all clusters
+  /// Conservative float bounds of a cluster in mesh space, two cells wider than its vertices.
+  void clusterBounds(std::uint32_t cluster, glm::vec3& lower, glm::vec3& upper) const;
+  /// Exact bounds of all vertices in mesh space; both zero if there is no triangle.
+  void bounds(glm::vec3& lower, glm::vec3& upper) const;
+  std::uint32_t clusterTriangleCount(std::uint32_t cluster) const;
+  std::uint32_t clusterMaterial(std::uint32_t cluster) const;
+  std::uint32_t clusterObject(std::uint32_t cluster) const;
+  Triangle triangle(std::uint32_t cluster, std::uint32_t index) const;
+
+  PreparedRay prepare(const Ray& ray) const;
+  /// Sets the far end of a prepared ray, in units of its direction.
+  static void setFar(PreparedRay& ray, float tfar) {
+    ray.tfar = static_cast<float>(double(tfar) * double(ray.cells) - ray.shift);
+  }
+  /// Nearest hit inside one cluster in [tnear, tfar]; updates hit and tfar if it finds one. On
+  /// equal t the lower (cluster, triangle) wins, so the result does not depend on the order of
+  /// visits.
+  bool intersect(std::uint32_t cluster, PreparedRay& ray, Hit& hit) const {
+    return intersect_(blob(cluster), ray, cluster, hit);
+  }
+  bool occluded(std::uint32_t cluster, const PreparedRay& ray) const {
+    return occluded_(blob(cluster), ray);
+  }
+  /// The instruction set that this mesh's tests run on, "AVX2" for one.
+  const char* targetName() const { return targetName_; }
+
+ private:
+  using IntersectFunction = bool (*)(const std::byte*, PreparedRay&, std::uint32_t, Hit&);
+  using OccludedFunction = bool (*)(const std::byte*, const PreparedRay&);
+
+  explicit Mesh(std::vector<std::byte> bytes);
+  const std::byte* blob(std::uint32_t cluster) const {
+    return bytes_.data() + (std::size_t(table_[cluster]) << 2);
+  }
+
+  std::vector<std::byte> bytes_;
+  const std::uint32_t* table_ = nullptr;   ///< inside bytes_, whose address survives a move
+  IntersectFunction intersect_ = nullptr;  ///< chosen for this processor when the mesh is made
+  OccludedFunction occluded_ = nullptr;
+  const char* targetName_ = "";
+
+ public:
+  ~Mesh() = default;
+  Mesh(Mesh&&) = default;
+  Mesh& operator=(Mesh&&) = default;
+  Mesh(const Mesh&) = delete;
+  Mesh& operator=(const Mesh&) = delete;
+};
+
+}  // namespace hccm

@@ -1,0 +1,189 @@
+// Access to a valid buffer.
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "hccmesh/hccmesh.h"
+#include "hccmesh/layout.h"
+#include "hccmesh/octahedral.h"
+#include "hccmesh/trace.h"
+#include "hccmesh/validate.h"
+
+namespace hccm {
+namespace {
+
+const layout::Header& headerOf(std::span<const std::byte> bytes) {
+  return *reinterpret_cast<const layout::Header*>(bytes.data());
+}
+const layout::ClusterHeader& clusterOf(const std::byte* blob) {
+  return *reinterpret_cast<const layout::ClusterHeader*>(blob);
+}
+// 2^stepExponent; the format's limits keep it a normal float.
+float stepOf(std::span<const std::byte> bytes) {
+  return std::bit_cast<float>((headerOf(bytes).stepExponent + 127) << 23);
+}
+template <typename T>
+T readAs(const std::byte* at) {
+  T value;
+  std::memcpy(static_cast<void*>(&value), at, sizeof(T));
+  return value;
+}
+
+glm::vec2 readTexCoord(const std::byte* at, std::uint8_t flags, std::uint32_t vertex) {
+  if (flags & layout::kFloatTexCoords) return readAs<glm::vec2>(at + 8u * vertex);
+  const auto least = readAs<glm::vec2>(at), scale = readAs<glm::vec2>(at + 8);
+  return least + scale * glm::vec2(readAs<glm::u16vec2>(at + 16u + 4u * vertex));
+}
+
+}  // namespace
+
+std::uint64_t Sizes::total() const {
+  return header + clusterTable + clusterHeaders + vertices + topology + nodes + normals +
+         texCoords + colors;
+}
+
+Mesh::Mesh(std::vector<std::byte> bytes) : bytes_(std::move(bytes)) {
+  table_ = reinterpret_cast<const std::uint32_t*>(bytes_.data() + sizeof(layout::Header));
+  const Kernels kernels = chooseKernels();
+  intersect_ = kernels.intersect;
+  occluded_ = kernels.occluded;
+  targetName_ = kernels.name;
+}
+
+Mesh Mesh::fromBytes(std::vector<std::byte> bytes) {
+  validate(bytes);
+  return Mesh(std::move(bytes));
+}
+
+std::uint64_t Mesh::triangleCount() const { return headerOf(bytes_).triangleCount; }
+std::uint64_t Mesh::droppedTriangles() const { return headerOf(bytes_).droppedTriangles; }
+std::uint32_t Mesh::clusterCount() const { return headerOf(bytes_).clusterCount; }
+double Mesh::step() const { return std::ldexp(1.0, headerOf(bytes_).stepExponent); }
+double Mesh::errorBound() const { return headerOf(bytes_).errorBound; }
+glm::dvec3 Mesh::gridOrigin() const {
+  const double* o = headerOf(bytes_).gridOrigin;
+  return {o[0], o[1], o[2]};
+}
+
+Sizes Mesh::sizes() const {
+  Sizes s;
+  s.header = sizeof(layout::Header) + layout::kTailBytes;
+  s.clusterTable = 4ull * clusterCount();
+  for (std::uint32_t i = 0; i < clusterCount(); ++i) {
+    const layout::Offsets o = layout::offsetsOf(clusterOf(blob(i)));
+    s.clusterHeaders += o.boxes;
+    s.nodes += o.topology - o.boxes;
+    s.topology += o.vertices - o.topology;
+    s.vertices += o.normals - o.vertices;
+    s.normals += o.texCoords - o.normals;
+    s.texCoords += o.colors - o.texCoords;
+    s.colors += o.end - o.colors;
+  }
+  return s;
+}
+
+void Mesh::clusterBounds(std::uint32_t cluster, glm::vec3& lower, glm::vec3& upper) const {
+  const layout::ClusterHeader& h = clusterOf(blob(cluster));
+  const float step = stepOf(bytes_);
+  for (int k = 0; k < 3; ++k) {
+    const std::int32_t end = h.anchor[k] + (std::int32_t(h.top[k]) << h.boxShift[k]);
+    lower[k] = static_cast<float>(h.anchor[k] - 2) * step;
+    upper[k] = static_cast<float>(end + 2) * step;
+  }
+}
+
+void Mesh::bounds(glm::vec3& lower, glm::vec3& upper) const {
+  const layout::Header& h = headerOf(bytes_);
+  const float step = stepOf(bytes_);
+  for (int k = 0; k < 3; ++k) {
+    lower[k] = static_cast<float>(h.lower[k]) * step;
+    upper[k] = static_cast<float>(h.upper[k]) * step;
+  }
+}
+
+std::uint32_t Mesh::clusterTriangleCount(std::uint32_t cluster) const {
+  return clusterOf(blob(cluster)).triangles();
+}
+std::uint32_t Mesh::clusterMaterial(std::uint32_t cluster) const {
+  return clusterOf(blob(cluster)).material;
+}
+std::uint32_t Mesh::clusterObject(std::uint32_t cluster) const {
+  return clusterOf(blob(cluster)).object;
+}
+
+Triangle Mesh::triangle(std::uint32_t cluster, std::uint32_t index) const {
+  const std::byte* b = blob(cluster);
+  const layout::ClusterHeader& h = clusterOf(b);
+  const layout::Offsets o = layout::offsetsOf(h);
+  const float step = stepOf(bytes_);
+  Triangle out{};
+  out.material = h.material;
+  out.object = h.object;
+  out.hasNormals = (h.flags & layout::kNormals) != 0;
+  out.hasTexCoords = (h.flags & layout::kTexCoords) != 0;
+  out.hasColors = (h.flags & layout::kColors) != 0;
+  for (std::uint32_t corner = 0; corner < 3; ++corner) {
+    const std::uint32_t vertex =
+        layout::readBits(b + o.topology, (3u * index + corner) * h.indexBits, h.indexBits);
+    std::uint32_t bit = vertex * h.vertexBits();
+    for (int k = 0; k < 3; ++k) {
+      const auto offset =
+          static_cast<std::int32_t>(layout::readBits(b + o.vertices, bit, h.width[k]));
+      out.position[corner][k] = static_cast<float>(h.anchor[k] + offset) * step;
+      bit += h.width[k];
+    }
+    if (out.hasNormals)
+      out.normal[corner] = decodeOctahedral(readAs<std::uint32_t>(b + o.normals + 4u * vertex));
+    if (out.hasTexCoords) out.texCoord[corner] = readTexCoord(b + o.texCoords, h.flags, vertex);
+    out.color[corner] = glm::vec4(1.0f);
+    if (out.hasColors)
+      out.color[corner] =
+          glm::vec4(readAs<glm::u8vec4>(b + o.colors + 4u * vertex)) * (1.0f / 255.0f);
+  }
+  return out;
+}
+
+PreparedRay Mesh::prepare(const Ray& ray) const {
+  PreparedRay p;
+  p.step = stepOf(bytes_);
+  p.cells = 1.0f / p.step;
+  const glm::vec3 size = glm::abs(ray.direction);
+  int kz = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
+  const float largest = size[kz];
+  int kx = kz == 2 ? 0 : kz + 1, ky = kx == 2 ? 0 : kx + 1;
+  if (ray.direction[kz] < 0.0f) std::swap(kx, ky);  // keeps the winding
+  p.axis[0] = kx, p.axis[1] = ky, p.axis[2] = kz;
+  p.shear[0] = ray.direction[kx] / ray.direction[kz];
+  p.shear[1] = ray.direction[ky] / ray.direction[kz];
+  p.shear[2] = 1.0f / ray.direction[kz];
+  const glm::dvec3 d(ray.direction);
+  glm::dvec3 origin = glm::dvec3(ray.origin) * double(p.cells);
+  p.shift = 0.0;
+  constexpr double kFar = 0x1p26, kNear = 0x1p25;  // cells; the mesh ends at 2^23
+  if (std::max({std::abs(origin.x), std::abs(origin.y), std::abs(origin.z)}) > kFar) {
+    p.shift = -glm::dot(origin, d) / glm::dot(d, d) - kNear / glm::length(d);
+    if (std::isfinite(p.shift))
+      origin += p.shift * d;
+    else
+      p.shift = 0.0;
+  }
+  // A component this much smaller than the largest moves the ray by less than a cell.
+  const float least = largest * 0x1p-60f;
+  for (int k = 0; k < 3; ++k) {
+    p.origin[k] = static_cast<float>(origin[k]);
+    p.inverse[k] =
+        1.0f / (size[k] >= least ? ray.direction[k] : std::copysign(least, ray.direction[k]));
+  }
+  p.tnear = static_cast<float>(double(ray.tnear) * double(p.cells) - p.shift);
+  setFar(p, ray.tfar);
+  if (!(largest >= 0x1p-60f) || !std::isfinite(size.x + size.y + size.z)) {
+    p.tnear = std::numeric_limits<float>::infinity();  // an empty interval
+    p.tfar = -p.tnear;
+    for (int k = 0; k < 3; ++k) p.shear[k] = p.inverse[k] = 1.0f;
+  }
+  return p;
+}
+
+}  // namespace hccm

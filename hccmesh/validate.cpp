@@ -1,0 +1,244 @@
+#include "hccmesh/validate.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <xxhash.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "hccmesh/hccmesh.h"
+#include "hccmesh/layout.h"
+
+namespace hccm {
+namespace {
+
+void check(bool good, const char* what, std::uint64_t at) {
+  if (!good)
+    throw FormatError(std::string("not a valid HCCMesh: ") + what + " at byte " +
+                      std::to_string(at));
+}
+
+bool allZero(const std::byte* from, const std::byte* to) {
+  return std::all_of(from, to, [](std::byte b) { return b == std::byte{0}; });
+}
+
+layout::Header checkHeader(std::span<const std::byte> bytes) {
+  check(bytes.size() >= sizeof(layout::Header) + layout::kTailBytes, "truncated header",
+        bytes.size());
+  layout::Header h;
+  std::memcpy(&h, bytes.data(), sizeof(h));
+  check(std::memcmp(h.magic, layout::kMagic, 4) == 0, "wrong magic", 0);
+  check(h.version == layout::kVersion, "unknown version", 4);
+  check(h.byteSize == bytes.size(), "size differs from the buffer's", 8);
+  check(h.checksum == checksumOf(bytes), "wrong checksum", 16);
+  for (double o : h.gridOrigin) check(std::isfinite(o), "grid origin not finite", 24);
+  check(std::isfinite(h.errorBound) && h.errorBound >= 0.0, "wrong error bound", 48);
+  check(h.stepExponent >= layout::kMinStepExponent && h.stepExponent <= layout::kMaxStepExponent,
+        "step out of range", 72);
+  const std::uint64_t room = bytes.size() - sizeof(layout::Header) - layout::kTailBytes;
+  check(h.clusterCount <= room / (4 + sizeof(layout::ClusterHeader)), "too many clusters", 76);
+  check(allZero(bytes.data() + offsetof(layout::Header, reserved), bytes.data() + sizeof(h)),
+        "reserved bytes not zero", 104);
+  return h;
+}
+
+struct Bounds {
+  std::int32_t lower[3] = {INT32_MAX, INT32_MAX, INT32_MAX};
+  std::int32_t upper[3] = {INT32_MIN, INT32_MIN, INT32_MIN};
+  void extend(const std::int32_t* p) {
+    for (int k = 0; k < 3; ++k) {
+      lower[k] = std::min(lower[k], p[k]);
+      upper[k] = std::max(upper[k], p[k]);
+    }
+  }
+};
+
+// One blob; `size` bytes from `b`, which lie inside the buffer with its tail behind them.
+class ClusterCheck {
+ public:
+  ClusterCheck(const std::byte* b, std::uint64_t size, std::uint64_t at) : b_(b), at_(at) {
+    check(size >= sizeof(layout::ClusterHeader), "truncated cluster", at);
+    std::memcpy(&h_, b, sizeof(h_));
+    checkCounts();
+    o_ = layout::offsetsOf(h_);
+    check(o_.end == size, "cluster of wrong size", at);
+    check(h_.topologyOffset == o_.topology && h_.vertexOffset == o_.vertices,
+          "wrong offsets in cluster", at + 36);
+    checkLeafStarts();
+    checkVertices();
+    checkTopologyAndBoxes();
+    checkTexCoords();
+  }
+  const Bounds& bounds() const { return bounds_; }
+  std::uint32_t triangles() const { return h_.triangles(); }
+
+ private:
+  void checkCounts() const {
+    const std::uint32_t t = h_.triangles(), v = h_.vertices();
+    check(t <= layout::kMaxTriangles, "too many triangles", at_ + 20);
+    check(v >= 3 && v <= 3 * t, "wrong vertex count", at_ + 21);
+    check(h_.leafCount >= 1 && h_.leafCount <= layout::kMaxLeaves && h_.leafCount <= t,
+          "wrong leaf count", at_ + 22);
+    check(h_.leafCount > 1 || t <= layout::kLeafSize, "leaf too large", at_ + 22);
+    check(h_.indexBits >= 2 && h_.indexBits == std::bit_width(v - 1u), "wrong index bits",
+          at_ + 23);
+    for (int k = 0; k < 3; ++k) {
+      check(h_.width[k] <= layout::kMaxWidth, "wrong width", at_ + 24);
+      check(std::abs(std::int64_t(h_.anchor[k])) <= layout::kMaxGrid, "anchor off the grid", at_);
+      check(h_.boxShift[k] <= 24, "wrong box shift", at_ + 28);
+    }
+    check((h_.flags & ~15u) == 0 &&
+              !((h_.flags & layout::kFloatTexCoords) && !(h_.flags & layout::kTexCoords)),
+          "unknown flags", at_ + 27);
+    check(h_.reserved0 == 0 && h_.reserved1 == 0, "reserved bytes not zero", at_ + 31);
+  }
+
+  std::uint32_t leafStart(std::uint32_t leaf) const {
+    if (leaf == 0) return 0;
+    return leaf < h_.leafCount ? std::to_integer<std::uint32_t>(b_[o_.leafStarts + leaf])
+                               : h_.triangles();
+  }
+  void checkLeafStarts() const {
+    if (h_.leafCount > 1)
+      check(b_[o_.leafStarts] == std::byte{0}, "first leaf not at 0", at_ + o_.leafStarts);
+    for (std::uint32_t i = 0; i < h_.leafCount; ++i) {
+      const std::uint32_t from = leafStart(i), to = leafStart(i + 1);
+      check(to > from && to - from <= layout::kLeafSize, "wrong leaf", at_ + o_.leafStarts + i);
+    }
+  }
+
+  void checkVertices() {
+    std::uint32_t bit = 0;
+    for (std::uint32_t v = 0; v < h_.vertices(); ++v)
+      for (int k = 0; k < 3; ++k) {
+        const std::uint32_t offset = layout::readBits(b_ + o_.vertices, bit, h_.width[k]);
+        grid_[v][k] = h_.anchor[k] + static_cast<std::int32_t>(offset);
+        bit += h_.width[k];
+        check(grid_[v][k] <= layout::kMaxGrid, "vertex off the grid", at_ + o_.vertices + bit / 8);
+      }
+    for (std::uint32_t v = 0; v < h_.vertices(); ++v) bounds_.extend(grid_[v]);
+    const std::uint32_t spare = (o_.normals - o_.vertices) * 8u - bit;
+    for (std::uint32_t i = 0; i < spare; ++i)
+      check(layout::readBits(b_ + o_.vertices, bit + i, 1) == 0, "padding not zero",
+            at_ + o_.vertices + (bit + i) / 8);
+    for (int k = 0; k < 3; ++k) {
+      const auto extent = static_cast<std::uint32_t>(bounds_.upper[k] - h_.anchor[k]);
+      check(bounds_.lower[k] == h_.anchor[k], "anchor is not the least vertex", at_);
+      check(h_.width[k] == std::bit_width(extent), "width is not the least", at_ + 24);
+      const std::uint32_t cell = 1u << h_.boxShift[k];
+      check(h_.top[k] == (extent + cell - 1u) / cell, "box does not fit the vertices", at_ + 32);
+    }
+  }
+
+  void checkTopologyAndBoxes() const {
+    std::uint32_t bit = 0;
+    for (std::uint32_t leaf = 0; leaf < h_.leafCount; ++leaf) {
+      Bounds box;
+      for (std::uint32_t corner = 3 * leafStart(leaf); corner < 3 * leafStart(leaf + 1); ++corner) {
+        const std::uint32_t v = layout::readBits(b_ + o_.topology, bit, h_.indexBits);
+        check(v < h_.vertices(), "vertex index out of range", at_ + o_.topology + bit / 8);
+        bit += h_.indexBits;
+        box.extend(grid_[v]);
+      }
+      if (h_.leafCount > 1) checkBox(leaf, box);
+    }
+    for (; bit % 8u != 0; ++bit)
+      check(layout::readBits(b_ + o_.topology, bit, 1) == 0, "padding not zero", at_ + o_.topology);
+    for (std::uint32_t lane = h_.leafCount; lane < 8 * h_.groups(); ++lane)
+      for (int k = 0; k < 3; ++k)
+        check(plane(lane, k, 0) == 255 && plane(lane, k, 1) == 0, "unused box not empty",
+              at_ + o_.boxes);
+  }
+
+  std::uint32_t plane(std::uint32_t leaf, int axis, int upper) const {
+    return std::to_integer<std::uint32_t>(
+        b_[o_.boxes + leaf / 8u * layout::kGroupBytes + 16 * axis + 8 * upper + leaf % 8u]);
+  }
+  void checkBox(std::uint32_t leaf, const Bounds& box) const {
+    for (int k = 0; k < 3; ++k) {
+      const std::int64_t lower = h_.anchor[k] + (std::int64_t(plane(leaf, k, 0)) << h_.boxShift[k]);
+      const std::int64_t upper = h_.anchor[k] + (std::int64_t(plane(leaf, k, 1)) << h_.boxShift[k]);
+      check(lower <= box.lower[k] && upper >= box.upper[k], "box does not hold its leaf",
+            at_ + o_.boxes);
+    }
+  }
+
+  void checkTexCoords() const {
+    if (!(h_.flags & layout::kTexCoords)) return;
+    const std::uint32_t count = (h_.flags & layout::kFloatTexCoords) ? 2 * h_.vertices() : 4;
+    for (std::uint32_t i = 0; i < count; ++i) {
+      float value;
+      std::memcpy(&value, b_ + o_.texCoords + 4u * i, 4);
+      check(std::isfinite(value), "texture coordinate not finite", at_ + o_.texCoords + 4u * i);
+    }
+  }
+
+  const std::byte* b_;
+  std::uint64_t at_;
+  layout::ClusterHeader h_;
+  layout::Offsets o_;
+  Bounds bounds_;
+  std::int32_t grid_[layout::kMaxVertices][3];
+};
+
+}  // namespace
+
+std::uint64_t checksumOf(std::span<const std::byte> bytes) {
+  layout::Header h;
+  std::memcpy(&h, bytes.data(), sizeof(h));
+  h.checksum = 0;
+  const std::unique_ptr<XXH3_state_t, XXH_errorcode (*)(XXH3_state_t*)> state(XXH3_createState(),
+                                                                              XXH3_freeState);
+  if (!state) throw std::bad_alloc();
+  XXH3_64bits_reset(state.get());
+  XXH3_64bits_update(state.get(), &h, sizeof(h));
+  XXH3_64bits_update(state.get(), bytes.data() + sizeof(h), bytes.size() - sizeof(h));
+  return XXH3_64bits_digest(state.get());
+}
+
+void validate(std::span<const std::byte> bytes) {
+  const layout::Header h = checkHeader(bytes);
+  const std::uint64_t end = bytes.size() - layout::kTailBytes;
+  check(allZero(bytes.data() + end, bytes.data() + bytes.size()), "tail not zero", end);
+  std::vector<std::uint32_t> table(h.clusterCount);
+  if (!table.empty()) std::memcpy(table.data(), bytes.data() + sizeof(h), 4ull * h.clusterCount);
+  const std::uint64_t first = sizeof(h) + 4ull * h.clusterCount;
+  const auto begin = [&](std::uint64_t i) { return i < table.size() ? 4ull * table[i] : end; };
+  check(begin(0) == first, "first cluster not after the table", sizeof(h));
+  for (std::uint64_t i = 0; i < table.size(); ++i)
+    check(begin(i) < begin(i + 1) && begin(i + 1) <= end, "cluster table not ascending",
+          sizeof(h) + 4 * i);
+
+  struct Sum {
+    Bounds bounds;
+    std::uint64_t triangles = 0;
+  };
+  const std::uint64_t kBlock = 256;
+  std::vector<Sum> sums((table.size() + kBlock - 1) / kBlock);
+  tbb::parallel_for(std::size_t{0}, sums.size(), [&](std::size_t block) {
+    const std::uint64_t stop = std::min<std::uint64_t>(table.size(), (block + 1) * kBlock);
+    for (std::uint64_t i = block * kBlock; i < stop; ++i) {
+      const ClusterCheck c(bytes.data() + begin(i), begin(i + 1) - begin(i), begin(i));
+      sums[block].bounds.extend(c.bounds().lower);
+      sums[block].bounds.extend(c.bounds().upper);
+      sums[block].triangles += c.triangles();
+    }
+  });
+  Sum all;
+  for (const Sum& s : sums) {
+    all.bounds.extend(s.bounds.lower);
+    all.bounds.extend(s.bounds.upper);
+    all.triangles += s.triangles;
+  }
+  check(all.triangles == h.triangleCount, "wrong triangle count", 56);
+  for (int k = 0; k < 3; ++k) {
+    const bool empty = table.empty();
+    check(h.lower[k] == (empty ? 0 : all.bounds.lower[k]) &&
+              h.upper[k] == (empty ? 0 : all.bounds.upper[k]),
+          "wrong bounds", 80);
+  }
+}
+
+}  // namespace hccm

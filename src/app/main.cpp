@@ -1,0 +1,59 @@
+// trex: command line, exit codes, and the last stop of every error.
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <exception>
+#include <new>
+
+#include "src/app/app.h"
+#include "src/core/error.h"
+#include "src/core/log.h"
+#include "src/core/version.h"
+
+namespace {
+
+constexpr const char* kFooter =
+    "Results go to stdout, messages to stderr.\n"
+    "Exit codes: 0 done, 1 failed, 2 usage, 3 input, 4 memory or device, 5 output not written,\n"
+    "            6 images differ, 130/143 interrupted after saving.";
+
+int run(int argc, char** argv) {
+  CLI::App app{"T-ReX: hybrid global illumination of massive models", "trex"};
+  app.footer(kFooter);
+  app.set_version_flag("--version", std::string("trex ") + trex::kVersion);
+  app.require_subcommand(1);
+  app.fallthrough();
+  bool quiet = false, verbose = false;
+  app.add_flag("-q,--quiet", quiet, "Errors alone");
+  app.add_flag("-v,--verbose", verbose, "Say more");
+  int exitCode = 0;
+  app.parse_complete_callback([&] {
+    if (quiet) trex::setLogLevel(trex::LogLevel::kError);
+    if (verbose) trex::setLogLevel(trex::LogLevel::kVerbose);
+  });
+  trex::addRenderCommand(app, exitCode);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    if (e.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success)) return app.exit(e);
+    trex::logError("{}; see trex --help", e.what());
+    return static_cast<int>(trex::ExitCode::kUsage);
+  }
+  return exitCode;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const trex::Error& e) {
+    trex::logError("{}", e.what());
+    return static_cast<int>(e.code());
+  } catch (const std::bad_alloc&) {
+    trex::logError("out of memory; try a smaller --size or model");
+    return static_cast<int>(trex::ExitCode::kMemoryOrDevice);
+  } catch (const std::exception& e) {
+    trex::logError("{}", e.what());
+    return static_cast<int>(trex::ExitCode::kFailed);
+  }
+}

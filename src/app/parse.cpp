@@ -1,0 +1,47 @@
+#include <charconv>
+
+#include "src/app/app.h"
+#include "src/core/error.h"
+
+namespace trex {
+namespace {
+
+constexpr std::uint32_t kLargestSide = 65536;
+
+bool parseNumber(const char* first, const char* last, std::uint32_t& value) {
+  const auto [end, problem] = std::from_chars(first, last, value);
+  return problem == std::errc() && end == last;
+}
+
+}  // namespace
+
+void parseSize(const std::string& text, std::uint32_t& width, std::uint32_t& height) {
+  const std::size_t cross = text.find_first_of("xX");
+  const char* data = text.data();
+  const bool good = cross != std::string::npos && parseNumber(data, data + cross, width) &&
+                    parseNumber(data + cross + 1, data + text.size(), height);
+  if (!good || width < 1 || height < 1 || width > kLargestSide || height > kLargestSide) {
+    fail(ExitCode::kUsage, "--size {}: want WxH with sides from 1 to {}, such as 640x360", text,
+         kLargestSide);
+  }
+}
+
+std::uint64_t parseBytes(const std::string& text) {
+  double value = 0.0;
+  const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), value);
+  std::string unit(end, static_cast<const char*>(text.data() + text.size()));
+  if (!unit.empty() && (unit.back() == 'B' || unit.back() == 'b')) unit.pop_back();
+  if (!unit.empty() && unit.back() == 'i') unit.pop_back();
+  double factor = 0.0;
+  if (unit.empty()) factor = 1.0;
+  if (unit == "K" || unit == "k") factor = 0x1p10;
+  if (unit == "M" || unit == "m") factor = 0x1p20;
+  if (unit == "G" || unit == "g") factor = 0x1p30;
+  if (unit == "T" || unit == "t") factor = 0x1p40;
+  if (problem != std::errc() || factor == 0.0 || !(value > 0.0) || value * factor > 0x1p62) {
+    fail(ExitCode::kUsage, "{}: want a size such as 512M or 8G", text);
+  }
+  return static_cast<std::uint64_t>(value * factor);
+}
+
+}  // namespace trex

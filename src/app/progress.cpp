@@ -1,0 +1,53 @@
+#include "src/app/progress.h"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <cstdio>
+#include <string>
+
+#include "src/core/log.h"
+#include "src/core/memory.h"
+
+namespace trex {
+namespace {
+
+double now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+}  // namespace
+
+Progress::Progress() : terminal_(isatty(2) == 1), start_(now()) {
+  next_ = start_ + (terminal_ ? 0.25 : 10.0);
+}
+
+Progress::~Progress() { clear(); }
+
+void Progress::clear() {
+  if (shown_) std::fputs("\r\033[K", stderr);
+  shown_ = false;
+}
+
+void Progress::show(double share, std::uint32_t samples) {
+  const double at = now();
+  if (at < next_ || logLevel() < LogLevel::kInfo) return;
+  next_ = at + (terminal_ ? 0.25 : 10.0);
+  const double elapsed = at - start_;
+  const std::string left =
+      share > 0.0 ? fmt::format("{:.0f} s left", elapsed * (1.0 - share) / share) : "";
+  const std::string memory = formatBytes(peakResidentBytes());
+  if (!terminal_) {
+    logInfo("{:3.0f} %  {} samples  {:.0f} s  {}  {}", share * 100.0, samples, elapsed, left, memory);
+    return;
+  }
+  const int filled = static_cast<int>(share * 30.0);
+  fmt::print(stderr, "\r[{:<30}] {:3.0f} %  {} samples  {:.0f} s  {}  {} \033[K",
+             std::string(static_cast<std::size_t>(filled), '='), share * 100.0, samples, elapsed, left,
+             memory);
+  std::fflush(stderr);
+  shown_ = true;
+}
+
+}  // namespace trex

@@ -1,0 +1,70 @@
+#include "src/core/file.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <system_error>
+
+#include "src/core/error.h"
+
+namespace trex {
+namespace fs = std::filesystem;
+namespace {
+
+fs::path folderOf(const fs::path& target) {
+  return target.has_parent_path() ? target.parent_path() : fs::path(".");
+}
+
+/// Flushes a file or folder; the reason on failure.
+bool flush(const fs::path& path, int flags) {
+  const int fd = ::open(path.c_str(), flags | O_CLOEXEC);
+  if (fd < 0) return false;
+  const bool done = ::fsync(fd) == 0;
+  const int reason = errno;
+  ::close(fd);
+  errno = reason;
+  return done;
+}
+
+}  // namespace
+
+void writeAtomically(const fs::path& target, const std::function<void(const fs::path&)>& write) {
+  const fs::path temporary =
+      folderOf(target) / fmt::format(".{}.{}.tmp{}", target.stem().string(), ::getpid(),
+                                     target.extension().string());
+  std::error_code ignored;
+  try {
+    write(temporary);
+    if (!flush(temporary, O_RDONLY)) {
+      fail(ExitCode::kOutput, "{}: can't be written: {}", target.string(), std::strerror(errno));
+    }
+    fs::rename(temporary, target);
+    flush(folderOf(target), O_RDONLY | O_DIRECTORY);
+  } catch (const fs::filesystem_error& e) {
+    fs::remove(temporary, ignored);
+    fail(ExitCode::kOutput, "{}: can't be written: {}", target.string(), e.code().message());
+  } catch (...) {
+    fs::remove(temporary, ignored);
+    throw;
+  }
+}
+
+void checkWritable(const fs::path& target) {
+  const fs::path folder = folderOf(target);
+  std::error_code ec;
+  if (!fs::is_directory(folder, ec)) {
+    fail(ExitCode::kOutput, "{}: no folder {}; make it first", target.string(), folder.string());
+  }
+  if (fs::is_directory(target, ec)) {
+    fail(ExitCode::kOutput, "{}: is a folder; name a file", target.string());
+  }
+  const fs::path& asked = fs::exists(target, ec) ? target : folder;
+  if (::access(asked.c_str(), W_OK) != 0 || ::access(folder.c_str(), W_OK) != 0) {
+    fail(ExitCode::kOutput, "{}: can't be written: {}", target.string(), std::strerror(errno));
+  }
+}
+
+}  // namespace trex

@@ -1,0 +1,20 @@
+// Files are written beside their target and renamed, so that a reader never sees half of one.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <string>
+
+namespace trex {
+
+/// Writes a file through `write(temporary path)`, flushes it to disk and renames it to `target`.
+/// On any failure the temporary is removed, the old target stays, and Error(kOutput) names the target
+/// and the reason. The temporary keeps the extension: ".NAME.PID.tmp.EXT".
+void writeAtomically(const std::filesystem::path& target,
+                     const std::function<void(const std::filesystem::path&)>& write);
+
+/// Throws Error(kOutput) early if `target` can't be written: no such folder, a folder itself, no
+/// permission.
+void checkWritable(const std::filesystem::path& target);
+
+}  // namespace trex

@@ -1,0 +1,295 @@
+#include "src/crays/bsdf.h"
+
+#include <algorithm>
+
+#include "src/crays/microfacet.h"
+#include "src/scene/texture.h"
+
+namespace trex {
+namespace {
+
+vec4 read(const Scene& scene, const Texture& texture, vec2 uv, bool srgb) {
+  if (!texture.present()) return vec4(1.0f);
+  return sampleTexture(scene.images[static_cast<std::size_t>(texture.image)], texture, uv, srgb);
+}
+
+float schlickWeight(float cosine) {
+  const float x = std::clamp(1.0f - cosine, 0.0f, 1.0f);
+  return x * x * x * x * x;
+}
+
+/// The interpolated normal, bent by the normal map where there is one.
+vec3 mappedNormal(const Scene& scene, const Material& material, const Surface& surface) {
+  if (!material.normalTexture.present() || surface.tangent == vec3(0.0f)) {
+    return surface.shadingNormal;
+  }
+  const vec3 texel = vec3(read(scene, material.normalTexture, surface.texCoord, false)) * 2.0f - 1.0f;
+  const vec3 bent = material.normalScale * (texel.x * surface.tangent + texel.y * surface.bitangent) +
+                    texel.z * surface.shadingNormal;
+  const float length = glm::length(bent);
+  return length > 1e-6f ? bent / length : surface.shadingNormal;
+}
+
+}  // namespace
+
+float fresnelDielectric(float cosine, float eta) {
+  cosine = std::clamp(cosine, 0.0f, 1.0f);
+  const float sinT2 = (1.0f - cosine * cosine) / (eta * eta);
+  if (sinT2 >= 1.0f) return 1.0f;
+  const float cosT = std::sqrt(1.0f - sinT2);
+  const float parallel = (eta * cosine - cosT) / (eta * cosine + cosT);
+  const float perpendicular = (cosine - eta * cosT) / (cosine + eta * cosT);
+  return 0.5f * (parallel * parallel + perpendicular * perpendicular);
+}
+
+Bsdf::Bsdf(const Scene& scene, const Surface& surface, const vec3& outgoing) {
+  const Material& material = scene.materials[surface.material];
+  const bool front = glm::dot(surface.geometricNormal, outgoing) >= 0.0f;
+  geometricNormal_ = front ? surface.geometricNormal : -surface.geometricNormal;
+  vec3 normal = mappedNormal(scene, material, surface);
+  if (!front) normal = -normal;
+  // A normal that the viewer can't see (a bent one at a grazing angle) is replaced by the face's own,
+  // so that no pixel turns black.
+  if (glm::dot(normal, outgoing) <= 1e-4f || glm::dot(normal, geometricNormal_) <= 0.0f) {
+    normal = geometricNormal_;
+  }
+  basis_ = Basis(normal);
+  out_ = basis_.toLocal(outgoing);
+  out_.z = std::max(out_.z, 1e-6f);
+  readMaterial(scene, surface, front);
+  chooseLobes();
+}
+
+void Bsdf::readMaterial(const Scene& scene, const Surface& surface, bool frontSide) {
+  const Material& m = scene.materials[surface.material];
+  const vec2 uv = surface.texCoord;
+  const vec4 base = m.baseColor * surface.color * read(scene, m.baseColorTexture, uv, true);
+  const vec3 color = glm::clamp(vec3(base), 0.0f, 1.0f);
+  if (m.alphaMode == AlphaMode::kBlend) coverage_ = std::clamp(base.w, 0.0f, 1.0f);
+  if (m.alphaMode == AlphaMode::kMask) coverage_ = base.w >= m.alphaCutoff ? 1.0f : 0.0f;
+
+  unlit_ = m.unlit;
+  if (frontSide || m.doubleSided) {
+    emission_ = m.emission * vec3(read(scene, m.emissiveTexture, uv, true));
+  }
+  if (unlit_) {
+    emission_ = color;
+    return;
+  }
+  const vec4 metalRough = read(scene, m.metallicRoughnessTexture, uv, false);
+  metallic_ = std::clamp(m.metallic * metalRough.z, 0.0f, 1.0f);
+  const float roughness = std::clamp(m.roughness * metalRough.y, 0.0f, 1.0f);
+  alpha_ = roughness * roughness;
+  smooth_ = alpha_ < kSmallestAlpha;
+  transmission_ = m.transmission * read(scene, m.transmissionTexture, uv, false).x;
+  refracts_ = transmission_ > 0.0f && m.volume;
+  entering_ = frontSide;
+  eta_ = frontSide || !refracts_ ? m.ior : 1.0f / m.ior;
+  if (refracts_ && std::isfinite(m.attenuationDistance) && m.attenuationDistance > 0.0f) {
+    absorption_ = -glm::log(glm::clamp(m.attenuationColor, vec3(1e-6f), vec3(1.0f))) /
+                  m.attenuationDistance;
+  }
+  const float specular = m.specular * read(scene, m.specularTexture, uv, false).w;
+  const vec3 tint = m.specularColor * vec3(read(scene, m.specularColorTexture, uv, true));
+  const float f0 = (m.ior - 1.0f) * (m.ior - 1.0f) / ((m.ior + 1.0f) * (m.ior + 1.0f));
+  metalColor_ = color;
+  f0_ = glm::min(f0 * tint, vec3(1.0f)) * specular;
+  f90_ = specular;
+  diffuse_ = color * (1.0f - metallic_) * (1.0f - transmission_);
+  transmissionTint_ = color * (1.0f - metallic_) * transmission_;
+}
+
+/// Reflectance of the dielectric part's interface, before its tint.
+float Bsdf::dielectricWeight(float cosine) const {
+  const float exact = fresnelDielectric(cosine, eta_);
+  // A thin sheet reflects at both faces and between them: R' = R + T^2 R / (1 - R^2) = 2R / (1 + R).
+  return refracts_ ? exact : 2.0f * exact / (1.0f + exact);
+}
+
+/// Reflectance of the specular lobe at angle cosine to the micro normal, all parts together.
+vec3 Bsdf::fresnel(float cosine) const {
+  const float w = schlickWeight(cosine);
+  const vec3 metal = metalColor_ + (vec3(1.0f) - metalColor_) * w;
+  const vec3 dielectric =
+      transmission_ > 0.0f ? vec3(dielectricWeight(cosine)) : f0_ + (vec3(f90_) - f0_) * w;
+  return glm::mix(dielectric, metal, metallic_);
+}
+
+void Bsdf::chooseLobes() {
+  if (unlit_) return;
+  const vec3 reflect = fresnel(out_.z);
+  const float dielectric = transmission_ > 0.0f
+                               ? dielectricWeight(out_.z)
+                               : maxComponent(f0_ + (vec3(f90_) - f0_) * schlickWeight(out_.z));
+  lobes_.specular = luminance(reflect);
+  lobes_.diffuse = luminance(diffuse_) * (1.0f - dielectric);
+  lobes_.transmission = luminance(transmissionTint_) * (1.0f - dielectric);
+  const float sum = lobes_.specular + lobes_.diffuse + lobes_.transmission;
+  if (sum > 0.0f) {
+    lobes_.specular /= sum;
+    lobes_.diffuse /= sum;
+    lobes_.transmission /= sum;
+  }
+  onlyDelta_ = lobes_.diffuse == 0.0f && smooth_;
+  // A broad specular lobe of a few percent may be cached as if diffuse; a metal's may not.
+  const vec3 broad = smooth_ ? vec3(0.0f) : reflect * (1.0f - metallic_) * (1.0f - transmission_);
+  cachedAlbedo_ = glm::min(diffuse_ * (1.0f - dielectric) + broad, vec3(1.0f));
+  const float sharp = smooth_ ? lobes_.specular : lobes_.specular * metallic_;
+  cacheable_ = sharp + lobes_.transmission <= 0.1f;
+}
+
+vec3 Bsdf::evaluateReflection(const vec3& in) const {
+  const vec3 half = glm::normalize(out_ + in);
+  const float cosHalf = glm::dot(out_, half);
+  vec3 f(0.0f);
+  if (!smooth_) {
+    f = fresnel(cosHalf) * (ggxDensity(half.z, alpha_) * ggxMaskingShadowing(out_.z, in.z, alpha_) /
+                            (4.0f * out_.z));
+  }
+  if (lobes_.diffuse > 0.0f) {
+    const float interface =
+        transmission_ > 0.0f ? dielectricWeight(cosHalf)
+                             : maxComponent(f0_ + (vec3(f90_) - f0_) * schlickWeight(cosHalf));
+    f += diffuse_ * ((1.0f - interface) * kInvPi * in.z);
+  }
+  return f;
+}
+
+/// f * |cos| of rough transmission; in.z < 0.
+vec3 Bsdf::evaluateTransmission(const vec3& in) const {
+  if (smooth_ || lobes_.transmission == 0.0f) return vec3(0.0f);
+  if (!refracts_) {  // a thin sheet: the reflection lobe mirrored to the far side
+    const vec3 mirrored(in.x, in.y, -in.z);
+    const vec3 half = glm::normalize(out_ + mirrored);
+    const float through = 1.0f - dielectricWeight(glm::dot(out_, half));
+    return transmissionTint_ * (through * ggxDensity(half.z, alpha_) *
+                                ggxMaskingShadowing(out_.z, mirrored.z, alpha_) / (4.0f * out_.z));
+  }
+  vec3 half = out_ + in * eta_;
+  const float length = glm::length(half);
+  if (length < 1e-7f) return vec3(0.0f);
+  half *= (half.z < 0.0f ? -1.0f : 1.0f) / length;
+  const float outH = glm::dot(out_, half), inH = glm::dot(in, half);
+  if (outH <= 0.0f || inH >= 0.0f) return vec3(0.0f);
+  const float denominator = outH + eta_ * inH;
+  const float through = 1.0f - fresnelDielectric(outH, eta_);
+  const float value = through * ggxDensity(half.z, alpha_) *
+                      ggxMaskingShadowing(out_.z, -in.z, alpha_) * eta_ * eta_ * outH * -inH /
+                      (out_.z * denominator * denominator);
+  // Radiance is compressed by 1 / eta^2 on the way in and expands on the way out.
+  return transmissionTint_ * (value / (eta_ * eta_));
+}
+
+float Bsdf::pdfReflection(const vec3& in) const {
+  float p = lobes_.diffuse * in.z * kInvPi;
+  if (!smooth_ && lobes_.specular > 0.0f) {
+    const vec3 half = glm::normalize(out_ + in);
+    p += lobes_.specular * ggxVisiblePdf(out_, half, alpha_) / (4.0f * glm::dot(out_, half));
+  }
+  return p;
+}
+
+float Bsdf::pdfTransmission(const vec3& in) const {
+  if (smooth_ || lobes_.transmission == 0.0f) return 0.0f;
+  if (!refracts_) {
+    const vec3 half = glm::normalize(out_ + vec3(in.x, in.y, -in.z));
+    return lobes_.transmission * ggxVisiblePdf(out_, half, alpha_) / (4.0f * glm::dot(out_, half));
+  }
+  vec3 half = out_ + in * eta_;
+  const float length = glm::length(half);
+  if (length < 1e-7f) return 0.0f;
+  half *= (half.z < 0.0f ? -1.0f : 1.0f) / length;
+  const float outH = glm::dot(out_, half), inH = glm::dot(in, half);
+  if (outH <= 0.0f || inH >= 0.0f) return 0.0f;
+  const float denominator = outH + eta_ * inH;
+  // Total internal reflection is decided before this lobe is sampled; see sampleTransmission.
+  return lobes_.transmission * ggxVisiblePdf(out_, half, alpha_) * eta_ * eta_ * -inH /
+         (denominator * denominator);
+}
+
+vec3 Bsdf::evaluate(const vec3& incoming) const {
+  if (unlit_) return vec3(0.0f);
+  const vec3 in = basis_.toLocal(incoming);
+  const float geometric = glm::dot(incoming, geometricNormal_);
+  if (in.z > 0.0f && geometric > 0.0f) return evaluateReflection(in);
+  if (in.z < 0.0f && geometric < 0.0f) return evaluateTransmission(in);
+  return vec3(0.0f);
+}
+
+float Bsdf::pdf(const vec3& incoming) const {
+  if (unlit_) return 0.0f;
+  const vec3 in = basis_.toLocal(incoming);
+  return in.z > 0.0f ? pdfReflection(in) : in.z < 0.0f ? pdfTransmission(in) : 0.0f;
+}
+
+bool Bsdf::refract(const vec3& microNormal, vec3& in) const {
+  const float cosine = glm::dot(out_, microNormal);
+  const float sinT2 = (1.0f - cosine * cosine) / (eta_ * eta_);
+  if (cosine <= 0.0f || sinT2 >= 1.0f) return false;
+  in = glm::normalize(-out_ / eta_ + (cosine / eta_ - std::sqrt(1.0f - sinT2)) * microNormal);
+  return in.z < 0.0f;
+}
+
+bool Bsdf::sampleSpecular(Sampler& sampler, BsdfSample& out) const {
+  const vec2 u = sampler.next2D();
+  out.roughness = smooth_ ? 0.0f : alpha_;
+  if (smooth_) {
+    out.delta = true;
+    out.direction = vec3(-out_.x, -out_.y, out_.z);
+    out.weight = fresnel(out_.z) / lobes_.specular;
+    return true;
+  }
+  const vec3 micro = ggxSampleVisible(out_, alpha_, u);
+  out.direction = glm::normalize(2.0f * glm::dot(out_, micro) * micro - out_);
+  return out.direction.z > 0.0f;
+}
+
+bool Bsdf::sampleTransmission(Sampler& sampler, BsdfSample& out) const {
+  const vec2 u = sampler.next2D();
+  out.roughness = smooth_ ? 0.0f : alpha_;
+  out.transmitted = true;
+  const vec3 micro = smooth_ ? vec3(0.0f, 0.0f, 1.0f) : ggxSampleVisible(out_, alpha_, u);
+  if (refracts_) {
+    if (!refract(micro, out.direction)) return false;
+    out.etaSquared = eta_ * eta_;
+  } else if (smooth_) {
+    out.direction = -out_;
+  } else {
+    const vec3 mirrored = glm::normalize(2.0f * glm::dot(out_, micro) * micro - out_);
+    if (mirrored.z <= 0.0f) return false;
+    out.direction = vec3(mirrored.x, mirrored.y, -mirrored.z);
+  }
+  if (smooth_) {
+    out.delta = true;
+    const float through = 1.0f - dielectricWeight(out_.z);
+    const float compression = refracts_ ? 1.0f / (eta_ * eta_) : 1.0f;
+    out.weight = transmissionTint_ * (through * compression / lobes_.transmission);
+  }
+  return true;
+}
+
+bool Bsdf::sample(Sampler& sampler, BsdfSample& out) const {
+  out = BsdfSample{};
+  const float choice = sampler.next1D();
+  bool found = false;
+  if (choice < lobes_.diffuse) {
+    out.direction = cosineSample(sampler.next2D());
+    found = out.direction.z > 0.0f;
+  } else if (choice < lobes_.diffuse + lobes_.specular) {
+    found = sampleSpecular(sampler, out);
+  } else if (lobes_.transmission > 0.0f) {
+    found = sampleTransmission(sampler, out);
+  }
+  if (!found) return false;
+  const vec3 local = out.direction;
+  out.direction = basis_.toWorld(local);
+  const float geometric = glm::dot(out.direction, geometricNormal_);
+  if (out.transmitted ? geometric >= 0.0f : geometric <= 0.0f) return false;
+  if (out.delta) return true;
+  out.pdf = out.transmitted ? pdfTransmission(local) : pdfReflection(local);
+  if (!(out.pdf > 0.0f)) return false;
+  out.weight = (out.transmitted ? evaluateTransmission(local) : evaluateReflection(local)) / out.pdf;
+  return true;
+}
+
+}  // namespace trex

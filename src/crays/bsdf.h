@@ -1,0 +1,91 @@
+// Scattering at a surface point: glTF 2.0 metallic-roughness with the KHR extensions of Material.
+//
+// Sources: glTF 2.0 appendix B (BRDF), KHR_materials_specular, _ior, _transmission, _volume;
+// GGX with visible normals [Heitz, JCGT 2018]; rough refraction [Walter et al., EGSR 2007].
+#pragma once
+
+#include "src/core/maths.h"
+#include "src/core/sampler.h"
+#include "src/crays/ray_scene.h"
+#include "src/scene/scene.h"
+
+namespace trex {
+
+/// A sampled direction. weight is f * |cos| / pdf. A delta lobe has pdf 0 and `delta` set.
+struct BsdfSample {
+  vec3 direction{0.0f};
+  vec3 weight{0.0f};
+  float pdf = 0.0f;        ///< per solid angle
+  float roughness = 1.0f;  ///< alpha of the sampled lobe: 1 diffuse, 0 delta
+  bool delta = false;
+  bool transmitted = false;
+  /// Squared index of the far side over this side if refracted, else 1. weight, meant for radiance,
+  /// contains its reciprocal; a photon's power does not, and Russian roulette should not see it.
+  float etaSquared = 1.0f;
+};
+
+/// The material at one surface point seen from one side, textures read. Directions are unit vectors
+/// that point away from the surface. Immutable, so thread safe.
+class Bsdf {
+ public:
+  /// `outgoing` points to where the ray came from.
+  Bsdf(const Scene& scene, const Surface& surface, const vec3& outgoing);
+
+  /// f(outgoing, incoming) * |cos incoming|; 0 for delta lobes.
+  vec3 evaluate(const vec3& incoming) const;
+  /// Density of sample() per solid angle, delta lobes left out.
+  float pdf(const vec3& incoming) const;
+  /// False if the sampled path ends (absorbed or below the surface).
+  bool sample(Sampler& sampler, BsdfSample& out) const;
+
+  /// Radiance emitted towards `outgoing`; 0 behind a single-sided emitter. The base colour if unlit.
+  vec3 emission() const { return emission_; }
+  bool unlit() const { return unlit_; }
+  /// Coverage in [0, 1]: 1 - alpha is the chance that a ray passes.
+  float coverage() const { return coverage_; }
+  /// True if only delta lobes exist: light sampling has nothing to do here.
+  bool onlyDelta() const { return onlyDelta_; }
+  /// Reflectance that a cache of irradiance can serve: the diffuse albedo plus that of the broad part
+  /// of the specular lobe. [0, 1].
+  vec3 cachedAlbedo() const { return cachedAlbedo_; }
+  /// True if cachedAlbedo() tells nearly all of what leaves the surface.
+  bool cacheable() const { return cacheable_; }
+  /// Unit geometric and shading normals on the side of `outgoing`.
+  const vec3& geometricNormal() const { return geometricNormal_; }
+  const vec3& normal() const { return basis_.normal; }
+  /// Whether a transmitted ray is now inside a volume; and its absorption per metre.
+  bool entersVolume() const { return entering_; }
+  vec3 absorption() const { return absorption_; }
+
+ private:
+  struct Lobes {
+    float diffuse, specular, transmission;  ///< chances, sum 1 (or all 0)
+  };
+  void readMaterial(const Scene& scene, const Surface& surface, bool frontSide);
+  void chooseLobes();
+  vec3 fresnel(float cosine) const;
+  float dielectricWeight(float cosine) const;
+  vec3 evaluateReflection(const vec3& in) const;
+  vec3 evaluateTransmission(const vec3& in) const;
+  float pdfReflection(const vec3& in) const;
+  float pdfTransmission(const vec3& in) const;
+  bool sampleSpecular(Sampler& sampler, BsdfSample& out) const;
+  bool sampleTransmission(Sampler& sampler, BsdfSample& out) const;
+  bool refract(const vec3& microNormal, vec3& in) const;
+
+  Basis basis_{vec3(0, 0, 1)};
+  vec3 geometricNormal_, out_;  ///< out_: outgoing in the basis
+  vec3 emission_{0.0f}, diffuse_{0.0f}, f0_{0.0f}, transmissionTint_{0.0f}, cachedAlbedo_{0.0f};
+  vec3 metalColor_{0.0f}, absorption_{0.0f};
+  float f90_ = 1.0f, metallic_ = 0.0f, transmission_ = 0.0f, alpha_ = 1.0f, coverage_ = 1.0f;
+  float eta_ = 1.0f;  ///< index on the far side over this side, if it refracts
+  Lobes lobes_{};
+  bool unlit_ = false, onlyDelta_ = false, smooth_ = false, refracts_ = false, entering_ = true;
+  bool cacheable_ = true;
+};
+
+/// Fresnel reflectance of a dielectric, unpolarised. cosine >= 0 on the incident side; eta: index of
+/// the far side over the near side. 1 at total internal reflection.
+float fresnelDielectric(float cosine, float eta);
+
+}  // namespace trex

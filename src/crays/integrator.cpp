@@ -1,0 +1,286 @@
+#include "src/crays/integrator.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace trex {
+namespace {
+
+constexpr int kRouletteFrom = 3;     // bounces before Russian roulette may end a path
+constexpr int kMostBounces = 256;    // a backstop: roulette ends paths long before
+constexpr int kMostLayers = 1024;    // transparent layers that one ray may pass
+
+float powerHeuristic(float a, float b) {
+  // Scaled so that the squares of large densities do not overflow.
+  if (!(a < kInfinity)) return 1.0f;
+  const float ratio = b / std::max(a, 1e-30f);
+  return 1.0f / (1.0f + ratio * ratio);
+}
+
+vec3 leave(const Surface& surface, const vec3& direction) {
+  const float side = glm::dot(surface.geometricNormal, direction) >= 0.0f ? 1.0f : -1.0f;
+  return surface.position + surface.geometricNormal * (side * surface.error);
+}
+
+}  // namespace
+
+CameraRays::CameraRays(const Camera& camera, const dvec3& renderOrigin, std::uint32_t width,
+                       std::uint32_t height)
+    : eye_(camera.eye - renderOrigin),
+      forward_(camera.forward),
+      right_(glm::normalize(glm::cross(camera.forward, camera.up))),
+      up_(glm::cross(right_, forward_)),
+      width_(static_cast<float>(width)),
+      height_(static_cast<float>(height)),
+      orthographic_(camera.orthographic) {
+  halfHeight_ = orthographic_ ? 0.5f * camera.orthographicHeight
+                              : std::tan(0.5f * camera.verticalFov);
+  halfWidth_ = halfHeight_ * width_ / height_;
+}
+
+void CameraRays::ray(float x, float y, vec3& origin, vec3& direction) const {
+  const float px = (2.0f * x / width_ - 1.0f) * halfWidth_;
+  const float py = (1.0f - 2.0f * y / height_) * halfHeight_;
+  origin = orthographic_ ? eye_ + right_ * px + up_ * py : eye_;
+  direction = orthographic_ ? forward_ : glm::normalize(forward_ + right_ * px + up_ * py);
+}
+
+/// The state of one path. `coupled`: guess and exact path are still the same.
+struct Integrator::Path {
+  Sampler sampler;
+  std::vector<ConeRequest>& cones;
+  RayCounts& counts;
+  PathSample result{};
+  std::uint32_t pixelTag;
+  bool paired, coupled;
+  vec3 vertex{0.0f};  // the last scattering surface point
+  vec3 origin{0.0f}, direction{0.0f}, throughput{1.0f}, absorption{0.0f};
+  float tnear = 0.0f;
+  float travelled = 0.0f;        // from the last scattering to `origin`, through transparent layers
+  float roulette = 1.0f;         // undoes the radiance scaling of refraction
+  float scatterPdf = kInfinity;  // density of `direction` at the last surface; infinite after a delta
+  float roughness = 0.0f;        // of the last lobe
+  bool coneRay = false;          // the last vertex hands its far field to a cone
+  int bounces = 0;
+  RayHit hit{};
+
+  void add(const vec3& light) { (coupled ? result.common : result.exact) += light; }
+  /// The guess parts from the path. False if nobody follows the exact path.
+  bool part() {
+    coupled = false;
+    return paired;
+  }
+};
+
+Integrator::Integrator(const Scene& scene, const RayScene& rays, const LightSet& lights,
+                       const CameraRays& camera, const GuessOptions& guess, std::uint32_t seed)
+    : scene_(scene), rays_(rays), lights_(lights), camera_(camera), guess_(guess), seed_(seed) {
+  for (const Material& m : scene.materials) transparent_ |= m.alphaMode != AlphaMode::kOpaque;
+}
+
+PathSample Integrator::sample(std::uint32_t x, std::uint32_t y, std::uint32_t width,
+                              std::uint32_t sample, bool paired, std::uint32_t pixelTag,
+                              std::vector<ConeRequest>& cones, RayCounts& counts) const {
+  Path path{.sampler = Sampler(y * width + x, sample, seed_),
+            .cones = cones,
+            .counts = counts,
+            .pixelTag = pixelTag,
+            .paired = paired,
+            .coupled = true};
+  const vec2 jitter = path.sampler.next2D();
+  camera_.ray(static_cast<float>(x) + jitter.x, static_cast<float>(y) + jitter.y, path.origin,
+              path.direction);
+  while (advance(path) && meet(path)) {
+  }
+  if (paired) ++counts.exactPaths;
+  return path.result;
+}
+
+/// Finds the next surface. False if the path has left the scene or a cone goes on in its place.
+bool Integrator::advance(Path& path) const {
+  ++path.counts.cRays;
+  const bool cone = path.coneRay && path.coupled;
+  const float near = guess_.cache ? guess_.footprint.cacheVoxels * guess_.cache->leafSize() /
+                                        guess_.footprint.diffuseSpread
+                                  : 0.0f;
+  if (rays_.intersect(path.origin, path.direction, path.tnear, cone ? near : kInfinity, path.hit)) {
+    return true;
+  }
+  if (!cone) {
+    miss(path);
+    return false;
+  }
+  path.tnear = near;
+  if (!handToCone(path)) return false;
+  if (rays_.intersect(path.origin, path.direction, near, kInfinity, path.hit)) return true;
+  miss(path);
+  return false;
+}
+
+void Integrator::miss(Path& path) const {
+  if (!lights_.hasEnvironment()) return;
+  const float weight = powerHeuristic(path.scatterPdf, lights_.pdfEnvironment(path.vertex, path.direction));
+  path.add(path.throughput * lights_.environment(path.direction) * weight);
+}
+
+/// G0: the far field of a broad lobe is a cone's. False if only the guess was asked for.
+bool Integrator::handToCone(Path& path) const {
+  ConeRequest request;
+  request.origin = path.origin;
+  request.direction = path.direction;
+  request.tanHalf = guess_.footprint.spread(path.roughness);
+  request.tmin = path.tnear;
+  request.jitter = path.sampler.next1D();
+  request.weight = path.throughput;
+  request.pixel = path.pixelTag;
+  if (lights_.hasEnvironment()) {
+    const float weight = powerHeuristic(path.scatterPdf, lights_.pdfEnvironment(path.vertex, path.direction));
+    request.background = path.throughput * lights_.environment(path.direction) * weight;
+  }
+  path.cones.push_back(request);
+  ++path.counts.cones;
+  return path.part();
+}
+
+/// Deals with the surface that was hit. False where the path ends.
+bool Integrator::meet(Path& path) const {
+  const Surface surface = rays_.surface(path.hit);
+  const Bsdf bsdf(scene_, surface, -path.direction);
+  if (path.absorption != vec3(0.0f)) path.throughput *= glm::exp(-path.absorption * path.hit.t);
+
+  if (bsdf.coverage() < 1.0f && path.sampler.next1D() >= bsdf.coverage()) {
+    path.origin = leave(surface, path.direction);
+    path.tnear = 0.0f;
+    path.travelled += path.hit.t;
+    return ++path.bounces < kMostLayers;
+  }
+  if (maxComponent(bsdf.emission()) > 0.0f) {
+    float weight = 1.0f;
+    if (path.scatterPdf < kInfinity && !bsdf.unlit()) {
+      const float cosine = std::abs(glm::dot(surface.geometricNormal, path.direction));
+      weight = powerHeuristic(path.scatterPdf,
+                              lights_.pdfEmitter(path.vertex, surface.object, surface.material,
+                                                 path.travelled + path.hit.t, cosine));
+    }
+    path.add(path.throughput * bsdf.emission() * weight);
+  }
+  if (bsdf.unlit()) return false;
+  if (path.coupled && guess_.cache && endInCache(path, surface, bsdf) && !path.part()) return false;
+
+  const bool coneVertex =
+      guess_.cones && path.coupled && bsdf.cacheable() && !bsdf.onlyDelta();
+  if (!bsdf.onlyDelta() && !lights_.empty()) sampleLight(path, surface, bsdf, coneVertex);
+  return scatter(path, surface, bsdf, coneVertex);
+}
+
+/// G1: reads the cache if the ray's footprint is wide enough here. True if it did.
+bool Integrator::endInCache(Path& path, const Surface& surface, const Bsdf& bsdf) const {
+  if (!(path.scatterPdf < kInfinity) || !bsdf.cacheable()) return false;
+  const float radius = (path.travelled + path.hit.t) * guess_.footprint.spread(path.roughness);
+  if (radius < guess_.footprint.cacheVoxels * guess_.cache->leafSize()) return false;
+  const vec2 jitter = path.sampler.next2D();
+  vec3 irradiance;
+  if (!guess_.cache->irradiance(surface.position, bsdf.geometricNormal(), radius, jitter,
+                                irradiance)) {
+    return false;
+  }
+  path.result.guess += path.throughput * bsdf.cachedAlbedo() * irradiance * kInvPi;
+  ++path.counts.cacheReads;
+  return true;
+}
+
+/// Share of light that passes from origin along direction up to distance, [0, 1].
+float Integrator::visibility(Path& path, const vec3& origin, const vec3& direction,
+                             float distance) const {
+  ++path.counts.shadowRays;
+  const float end = distance < kInfinity ? distance * 0.9999f : kInfinity;
+  if (!transparent_) return rays_.occluded(origin, direction, 0.0f, end) ? 0.0f : 1.0f;
+  float passed = 1.0f, start = 0.0f;
+  vec3 from = origin;
+  for (int layer = 0; layer < kMostLayers && passed > 1e-4f; ++layer) {
+    RayHit hit;
+    if (!rays_.intersect(from, direction, 0.0f, end - start, hit)) return passed;
+    const Surface surface = rays_.surface(hit);
+    passed *= 1.0f - Bsdf(scene_, surface, -direction).coverage();
+    from = leave(surface, direction);
+    start += hit.t;
+  }
+  return passed > 1e-4f ? passed : 0.0f;
+}
+
+/// Next event estimation: one light. Shadow rays of small lights are C-rays; large ones are cones
+/// where this device makes them worth it.
+void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsdf,
+                             bool coneVertex) const {
+  LightSample light;
+  if (!lights_.sample(surface.position, path.sampler, light)) return;
+  const vec3 f = bsdf.evaluate(light.direction);
+  if (maxComponent(f) <= 0.0f) return;
+  const vec3 unweighted = path.throughput * f * light.radiance / light.pdf;
+  const float weight =
+      light.delta ? 1.0f : powerHeuristic(light.pdf, bsdf.pdf(light.direction));
+  const vec3 origin = leave(surface, light.direction);
+  // A cone vertex gathers its far field without emission, so a far emitter is light sampling's alone.
+  const float near = coneVertex ? guess_.footprint.cacheVoxels * guess_.cache->leafSize() /
+                                      guess_.footprint.diffuseSpread
+                                : 0.0f;
+  const bool farEmitter = coneVertex && light.distance < kInfinity && light.distance > near;
+  const float guessWeight = farEmitter ? 1.0f : weight;
+  const bool coneShadow =
+      coneVertex && light.solidAngle > guess_.shadowSolidAngle && light.distance > near;
+  if (coneShadow && visibility(path, origin, light.direction, near) > 0.0f) {
+    ConeRequest request;
+    request.origin = origin;
+    request.direction = light.direction;
+    request.tanHalf = std::min(std::sqrt(light.solidAngle * kInvPi), guess_.footprint.diffuseSpread) * 0.25f;
+    request.tmin = near;
+    // The emitter's own voxels must not shadow it.
+    request.tmax = light.distance - 2.0f * guess_.cache->leafSize();
+    request.jitter = path.sampler.next1D();
+    request.background = unweighted * guessWeight;
+    request.pixel = path.pixelTag;
+    request.shadow = true;
+    path.cones.push_back(request);
+    ++path.counts.cones;
+  }
+  if (coneShadow && !path.paired) return;
+  const float visible = visibility(path, origin, light.direction, light.distance);
+  if (visible <= 0.0f) return;
+  if (coneShadow) {
+    path.result.exact += unweighted * (weight * visible);
+  } else if (path.coupled && guessWeight != weight) {
+    path.result.guess += unweighted * (guessWeight * visible);
+    path.result.exact += unweighted * (weight * visible);
+  } else {
+    path.add(unweighted * (weight * visible));
+  }
+}
+
+/// Chooses the next direction. False where the path ends.
+bool Integrator::scatter(Path& path, const Surface& surface, const Bsdf& bsdf,
+                         bool coneVertex) const {
+  BsdfSample next;
+  if (++path.bounces >= kMostBounces || !bsdf.sample(path.sampler, next)) return false;
+  path.throughput *= next.weight;
+  path.roulette *= next.etaSquared;
+  if (path.bounces >= kRouletteFrom) {
+    const float survival =
+        std::min(0.95f, maxComponent(path.throughput) * path.roulette);
+    if (!(survival > 0.0f) || path.sampler.next1D() >= survival) return false;
+    path.throughput /= survival;
+  }
+  if (!(maxComponent(path.throughput) > 0.0f)) return false;
+  path.vertex = surface.position;
+  path.origin = leave(surface, next.direction);
+  path.direction = next.direction;
+  path.tnear = path.travelled = 0.0f;
+  path.scatterPdf = next.delta ? kInfinity : next.pdf;
+  path.roughness = next.roughness;
+  path.coneRay = coneVertex && !next.delta;
+  if (next.transmitted && next.etaSquared != 1.0f) {
+    path.absorption = bsdf.entersVolume() ? bsdf.absorption() : vec3(0.0f);
+  }
+  return true;
+}
+
+}  // namespace trex

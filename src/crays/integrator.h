@@ -1,0 +1,103 @@
+// The C-ray integrator: a path tracer with light sampling, multiple importance sampling and Russian
+// roulette [Veach 1997], which is the exact side X, and the ladder of guesses on top of it.
+//
+// A path is traced once. As long as guess and exact path agree its light is `common`. Where the
+// footprint rule lets a ray end in cached light (G1) or hands it to a cone (G0), the guess leaves the
+// path: what it adds goes to `guess` (and to cone requests); if the sample is paired, the path goes on
+// and adds to `exact`.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "src/core/sampler.h"
+#include "src/crays/bsdf.h"
+#include "src/crays/light_cache.h"
+#include "src/crays/lights.h"
+#include "src/crays/ray_scene.h"
+
+namespace trex {
+
+/// A camera in render space, ready to make rays.
+class CameraRays {
+ public:
+  CameraRays(const Camera& camera, const dvec3& renderOrigin, std::uint32_t width,
+             std::uint32_t height);
+  /// Ray through image position (x, y) in pixels from the upper left corner.
+  void ray(float x, float y, vec3& origin, vec3& direction) const;
+
+ private:
+  vec3 eye_, forward_, right_, up_;
+  float halfWidth_, halfHeight_, width_, height_;
+  bool orthographic_;
+};
+
+/// A G-ray that a path asks for. The answer adds to the guess of its pixel:
+/// weight * radiance + background * transmittance.
+struct ConeRequest {
+  vec3 origin, direction;
+  float tanHalf = 0.0f, tmin = 0.0f, tmax = kInfinity;
+  float jitter = 0.0f;
+  vec3 weight{0.0f}, background{0.0f};
+  std::uint32_t pixel = 0;  ///< as given to Integrator::sample
+  bool shadow = false;      ///< transmittance alone
+};
+
+/// One sample of a pixel. G = common + guess + cones; X = common + exact.
+struct PathSample {
+  vec3 common{0.0f}, guess{0.0f}, exact{0.0f};
+};
+
+/// Rays by class, for the report.
+struct RayCounts {
+  std::uint64_t cRays = 0, shadowRays = 0, cones = 0, cacheReads = 0, exactPaths = 0;
+  void add(const RayCounts& o) {
+    cRays += o.cRays;
+    shadowRays += o.shadowRays;
+    cones += o.cones;
+    cacheReads += o.cacheReads;
+    exactPaths += o.exactPaths;
+  }
+};
+
+/// What a path may do besides tracing exactly.
+struct GuessOptions {
+  const LightCache* cache = nullptr;  ///< null: exact paths alone
+  FootprintRule footprint;
+  bool cones = false;                 ///< G0 and shadow cones are worth their cost on this device
+  float shadowSolidAngle = 0.02f;     ///< steradian from which on a shadow ray is a G-ray
+};
+
+/// Immutable; sample() is thread safe.
+class Integrator {
+ public:
+  Integrator(const Scene& scene, const RayScene& rays, const LightSet& lights,
+             const CameraRays& camera, const GuessOptions& guess, std::uint32_t seed);
+
+  /// Traces sample number `sample` of pixel (x, y). `paired` asks for X as well; without a cache X is
+  /// all there is and goes to `common`. Cone requests are appended with `pixelTag`.
+  PathSample sample(std::uint32_t x, std::uint32_t y, std::uint32_t width, std::uint32_t sample,
+                    bool paired, std::uint32_t pixelTag, std::vector<ConeRequest>& cones,
+                    RayCounts& counts) const;
+
+ private:
+  struct Path;
+  bool advance(Path& path) const;
+  bool meet(Path& path) const;
+  void miss(Path& path) const;
+  bool endInCache(Path& path, const Surface& surface, const Bsdf& bsdf) const;
+  void sampleLight(Path& path, const Surface& surface, const Bsdf& bsdf, bool coneVertex) const;
+  bool scatter(Path& path, const Surface& surface, const Bsdf& bsdf, bool coneVertex) const;
+  bool handToCone(Path& path) const;
+  float visibility(Path& path, const vec3& origin, const vec3& direction, float distance) const;
+
+  const Scene& scene_;
+  const RayScene& rays_;
+  const LightSet& lights_;
+  const CameraRays& camera_;
+  GuessOptions guess_;
+  std::uint32_t seed_;
+  bool transparent_ = false;  ///< some material lets shadow rays pass in part
+};
+
+}  // namespace trex

@@ -1,0 +1,43 @@
+#include "src/crays/light_cache.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace trex {
+namespace {
+
+constexpr std::uint32_t kCoarserForFootprint = 2;  // levels that a wide footprint may go up
+
+}  // namespace
+
+LightCache::LightCache(const asvo::Tree& tree)
+    : tracer_(tree),
+      info_(tree.info),
+      leafSize_(tree.info.size / static_cast<float>(1u << tree.info.depth)) {}
+
+void LightCache::setLight(std::span<const asvo::uvec4> light, double scale) {
+  light_ = light;
+  scale_ = static_cast<float>(scale);
+}
+
+bool LightCache::irradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
+                            vec3& out) const {
+  if (light_.empty()) return false;
+  const float wide = std::max(radius / leafSize_, 1.0f);
+  const auto up = std::min(static_cast<std::uint32_t>(std::ilogb(wide)), kCoarserForFootprint);
+  const std::uint32_t level = info_.depth - std::min(up, info_.depth);
+  const float edge = info_.size / static_cast<float>(1u << level);
+  const Basis basis(normal);
+  const vec3 moved = position + basis.tangent * ((jitter.x - 0.5f) * edge) +
+                     basis.bitangent * ((jitter.y - 0.5f) * edge);
+  std::uint32_t voxel = tracer_.asvoFind(moved, level);
+  if (voxel == asvo::ASVO_NONE) voxel = tracer_.asvoFindNear(position, normal, level);
+  if (voxel == asvo::ASVO_NONE) return false;
+  const bool front = glm::dot(tracer_.asvoNormal(voxel), normal) >= 0.0f;
+  if (!(tracer_.asvoArea(voxel, front) > 0.0f)) return false;
+  const asvo::uvec4& packed = light_[voxel];
+  out = tracer_.asvoUnpackRgb9e5(front ? packed.x : packed.y) * scale_;
+  return true;
+}
+
+}  // namespace trex

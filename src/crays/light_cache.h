@@ -1,0 +1,52 @@
+// Cached light: irradiance of the ASVO's voxels, read at exact surface points (guess G1), and the
+// footprint rule that says when a ray may end in it.
+#pragma once
+
+#include <span>
+
+#include "asvo/tracer.h"
+#include "src/core/maths.h"
+#include "src/core/sampler.h"
+
+namespace trex {
+
+/// How coarse a gathering ray may look.
+struct FootprintRule {
+  /// Tangent of the half angle that one diffuse gathering ray stands for.
+  float diffuseSpread = 0.2f;
+  /// A ray may end in the cache once its footprint's radius reaches this many leaf voxels.
+  float cacheVoxels = 1.0f;
+
+  /// Half-angle tangent of a lobe with GGX alpha `roughness` (1: diffuse; 0: a mirror).
+  float spread(float roughness) const {
+    return roughness >= 1.0f ? diffuseSpread : std::min(diffuseSpread, 0.5f * roughness);
+  }
+};
+
+/// Reads a tree and its light. Immutable while it is used from several threads; setLight() between.
+class LightCache {
+ public:
+  /// The tree must outlive the cache. Without setLight() nothing is found.
+  explicit LightCache(const asvo::Tree& tree);
+  /// `light` as in asvo_layout.h, in units of `scale` W/m^2. The span must stay valid.
+  void setLight(std::span<const asvo::uvec4> light, double scale);
+
+  /// Edge of a leaf voxel, metres.
+  float leafSize() const { return leafSize_; }
+  const asvo::Tracer& tracer() const { return tracer_; }
+
+  /// Irradiance at a surface point on the side of `normal`, from the level that the footprint (radius,
+  /// metres) asks for. `jitter` in [0, 1)^2 moves the point by up to half a voxel along the surface,
+  /// so that voxel borders average out. False if no voxel there has area.
+  bool irradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
+                  vec3& out) const;
+
+ private:
+  asvo::Tracer tracer_;
+  std::span<const asvo::uvec4> light_;
+  asvo::AsvoInfo info_{};
+  float leafSize_ = 0.0f;
+  float scale_ = 1.0f;
+};
+
+}  // namespace trex

@@ -1,0 +1,132 @@
+// Light sources gathered from a scene and sampled for next event estimation and photons.
+//
+// Emissive triangles of one object and material form a luminaire. Luminaires, point, spot and
+// directional lights and an environment map are chosen in proportion to an estimate of the irradiance
+// each gives at the point, if there are few; of their power, if there are many. A constant sky is not
+// in the set of next event estimation: the cosine of the surface is its ideal density, so directions
+// sampled from the BSDF serve it alone.
+#pragma once
+
+#include <cstdint>
+#include <unordered_map>
+#include <vector>
+
+#include "src/core/maths.h"
+#include "src/core/sampler.h"
+#include "src/scene/scene.h"
+
+namespace trex {
+
+/// A direction towards a light from a point. radiance/pdf is what arrives if nothing is between; for
+/// point-like lights (`delta`) pdf is the chance of choosing the light and radiance is an irradiance
+/// at normal incidence.
+struct LightSample {
+  vec3 direction{0.0f};
+  float distance = 0.0f;   ///< metres; infinite for directional lights and the environment
+  vec3 radiance{0.0f};
+  float pdf = 0.0f;        ///< per solid angle
+  bool delta = false;
+  float solidAngle = 0.0f; ///< of the light as seen from the point, steradian, about; 0 if point-like
+};
+
+/// A photon leaving a light: power is that of all light divided by the density of the choice, so the
+/// mean of many photons carries the scene's power.
+struct EmittedPhoton {
+  vec3 origin{0.0f}, direction{0.0f};
+  vec3 power{0.0f};   ///< W
+};
+
+class LightSet {
+ public:
+  /// `renderOrigin` and `bounds` as in RayScene. Triangles of emissive materials of all instances are
+  /// listed; a textured emission counts with its mean.
+  LightSet(const Scene& scene, const dvec3& renderOrigin, const Box3f& bounds);
+
+  /// True if next event estimation has anything to sample.
+  bool empty() const { return lights_.empty(); }
+  /// True if any light exists, the constant sky included.
+  bool anyPower() const { return totalPower_ > 0.0; }
+  /// Samples a light as seen from `point`; false if the sample carries nothing.
+  bool sample(const vec3& point, Sampler& sampler, LightSample& out) const;
+
+  /// Density per solid angle with which sample(point) would have found the emitter of this object and
+  /// material that a ray hit after `distance`; cosine at the emitter. 0 for surfaces not in the set.
+  float pdfEmitter(const vec3& point, std::uint32_t object, std::uint32_t material, float distance,
+                   float cosine) const;
+  /// Density with which sample(point) would have found this direction of the environment map; 0 if
+  /// there is none.
+  float pdfEnvironment(const vec3& point, const vec3& direction) const;
+  /// Radiance of the environment from a direction (pointing away from the scene).
+  vec3 environment(const vec3& direction) const;
+  bool hasEnvironment() const { return environment_.present(); }
+
+  /// Photon number `index`; deterministic. False if the photon carries nothing.
+  bool emit(Sampler& sampler, EmittedPhoton& out) const;
+  /// Total power of all lights, W, by luminance.
+  double totalPower() const { return totalPower_; }
+  /// The largest channel of a photon's power that emit() can return.
+  float largestPhotonPower() const;
+
+ private:
+  enum class Kind : std::uint8_t { kLuminaire, kPunctual, kMap, kConstant };
+  static constexpr std::size_t kMostWeighed = 48;  ///< lights up to which each is weighed at a point
+
+  struct Emitter {
+    vec3 corner, edge1, edge2, normal;  ///< triangle, normal of the front
+    float area;
+  };
+  /// Emitters first .. first + count - 1: one object, one material, so one radiance.
+  struct Luminaire {
+    std::uint32_t first, count, object, material;
+    vec3 centre, meanNormal;  ///< meanNormal: area weighted, shorter than 1 if the faces differ
+    float radius, area;
+  };
+  struct Entry {
+    Kind kind;
+    std::uint32_t index;  ///< into luminaires_ or punctual_
+    double power;         ///< luminance, W
+  };
+  struct Punctual {
+    Light light;
+    vec3 position;
+  };
+
+  void addLuminaires(const Scene& scene, const dvec3& renderOrigin);
+  void addLuminaire(const Scene& scene, const Instance& instance, const dvec3& renderOrigin);
+  void addPunctual(const Scene& scene, const dvec3& renderOrigin);
+  void addEnvironment(const Scene& scene);
+  void buildMapTables();
+  float weigh(const Entry& entry, const vec3& point) const;
+  std::size_t choose(const vec3& point, float& u, float& chance) const;
+  float chanceOf(std::size_t light, const vec3& point) const;
+  const Emitter& pickEmitter(const Luminaire& luminaire, float& u) const;
+  float mapDensity(const vec3& direction) const;
+  static std::size_t pick(const std::vector<double>& cumulative, float u, float& remapped);
+  bool sampleLuminaire(const Luminaire& luminaire, const vec3& point, vec2 u,
+                       LightSample& out) const;
+  bool samplePunctual(const Punctual& punctual, const vec3& point, LightSample& out) const;
+  bool sampleMap(vec2 u, LightSample& out) const;
+  vec3 mapDirection(vec2 u, float& pdf) const;
+  void emitLuminaire(const Luminaire& luminaire, Sampler& sampler, EmittedPhoton& out) const;
+  void emitPunctual(const Punctual& punctual, Sampler& sampler, EmittedPhoton& out) const;
+  void emitFromSphere(const vec3& towards, Sampler& sampler, EmittedPhoton& out) const;
+
+  std::vector<Emitter> emitters_;
+  std::vector<double> emitterCumulative_;  ///< area before each emitter, over all luminaires
+  std::vector<Luminaire> luminaires_;
+  std::unordered_map<std::uint64_t, std::uint32_t> luminaireOf_;  ///< object and material to light
+  std::vector<Punctual> punctual_;
+  std::vector<Entry> lights_;              ///< of next event estimation
+  std::vector<Entry> sources_;             ///< of photons: lights_ and the constant sky
+  std::vector<double> lightCumulative_, sourceCumulative_;
+  std::vector<vec3> materialRadiance_;     ///< mean emission by material
+  std::vector<bool> materialTwoSided_;
+  Environment environment_;
+  std::vector<double> mapRows_, mapColumns_;  ///< cumulative luminance * sin(theta)
+  double mapPower_ = 0.0;
+  vec3 centre_{0.0f};
+  float radius_ = 1.0f;                    ///< of the sphere around the scene
+  double totalPower_ = 0.0;
+};
+
+}  // namespace trex

@@ -1,0 +1,74 @@
+#include "src/crays/photons.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+
+#include "src/crays/bsdf.h"
+
+namespace trex {
+namespace {
+
+constexpr int kMostBounces = 64;
+constexpr std::uint64_t kChunk = 1024;
+
+/// Follows one photon; false if it never lands.
+bool land(const Scene& scene, const RayScene& rays, Sampler& sampler, const EmittedPhoton& photon,
+          LandedPhoton& out) {
+  vec3 origin = photon.origin, direction = photon.direction, power = photon.power;
+  const float start = maxComponent(power);
+  for (int bounce = 0; bounce < kMostBounces; ++bounce) {
+    RayHit hit;
+    if (!rays.intersect(origin, direction, 0.0f, kInfinity, hit)) return false;
+    const Surface surface = rays.surface(hit);
+    const Bsdf bsdf(scene, surface, -direction);
+    BsdfSample next;
+    if (bsdf.unlit()) return false;
+    if (bsdf.coverage() < 1.0f && sampler.next1D() >= bsdf.coverage()) {
+      next.direction = direction;
+    } else if (bsdf.cacheable()) {
+      out.position = surface.position;
+      out.normal = bsdf.geometricNormal();
+      out.power = power;
+      return isFinite(power) && maxComponent(power) > 0.0f;
+    } else {
+      if (!bsdf.sample(sampler, next)) return false;
+      power *= next.weight * next.etaSquared;
+      const float survival = std::min(1.0f, maxComponent(power) / start);
+      if (!(survival > 0.0f) || sampler.next1D() >= survival) return false;
+      power /= survival;
+    }
+    direction = next.direction;
+    const float side = glm::dot(surface.geometricNormal, direction) >= 0.0f ? 1.0f : -1.0f;
+    origin = surface.position + surface.geometricNormal * (side * surface.error);
+  }
+  return false;
+}
+
+}  // namespace
+
+std::vector<LandedPhoton> landPhotons(const Scene& scene, const RayScene& rays,
+                                      const LightSet& lights, std::uint32_t seed,
+                                      std::uint64_t first, std::uint64_t count) {
+  const std::uint64_t chunks = (count + kChunk - 1) / kChunk;
+  std::vector<std::vector<LandedPhoton>> landed(chunks);
+  tbb::parallel_for(std::uint64_t{0}, chunks, [&](std::uint64_t chunk) {
+    const std::uint64_t end = std::min(count, (chunk + 1) * kChunk);
+    for (std::uint64_t i = chunk * kChunk; i < end; ++i) {
+      const auto index = static_cast<std::uint32_t>(first + i);
+      Sampler sampler(0x70686f74u, index, seed);
+      EmittedPhoton photon;
+      LandedPhoton out;
+      out.index = index;
+      if (lights.emit(sampler, photon) && land(scene, rays, sampler, photon, out)) {
+        landed[chunk].push_back(out);
+      }
+    }
+  });
+  std::vector<LandedPhoton> all;
+  for (const auto& part : landed) all.insert(all.end(), part.begin(), part.end());
+  return all;
+}
+
+}  // namespace trex

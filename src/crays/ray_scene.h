@@ -1,0 +1,79 @@
+// The scene as C-rays see it: HCCMeshes under an Embree top level.
+//
+// "Render space" is metres relative to renderOrigin (the centre of the scene's bounds), single
+// precision: what the camera, the integrator, the ASVO and the device use. Meshes placed once are
+// merged into one HCCMesh whose grid origin is renderOrigin; a mesh placed several times is an
+// HCCMesh of its own under Embree instances (unless all placements together are small, or one is
+// flat: these are merged too). Of meshes that are not merged, a mirrored placement keeps glTF's
+// front side. Texture coordinates are stored only where the material has a texture.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+
+#include "hccmesh/hccmesh.h"
+#include "src/scene/scene.h"
+
+namespace trex {
+
+/// A hit; 24 bytes. `instance` is kWorldMesh for the merged mesh.
+struct RayHit {
+  float t = kInfinity, u = 0.0f, v = 0.0f;
+  std::uint32_t instance = 0, cluster = 0, triangle = 0;
+};
+
+/// A surface point decoded from a hit, in render space.
+struct Surface {
+  vec3 position;         ///< on the decoded triangle, more exact than origin + t * direction
+  vec3 geometricNormal;  ///< unit, of the front side (counter-clockwise)
+  vec3 shadingNormal;    ///< unit, interpolated if stored, same hemisphere as geometricNormal
+  vec3 tangent;          ///< unit, along +u of the texture; zero where there is no texture map
+  vec3 bitangent;        ///< unit, along +v of glTF's normal maps (up in the texture)
+  vec2 texCoord;
+  vec4 color;  ///< vertex colour, one if none
+  std::uint32_t material, object;
+  float error;  ///< metres: distance to leave the surface by, so that a new ray misses it
+};
+
+class RayScene {
+ public:
+  static constexpr std::uint32_t kWorldMesh = 0xffffffffu;
+
+  struct Options {
+    int precisionBits = 24;  ///< grid cells along the largest extent: 2^bits, 8..24
+    std::uint64_t mergeTriangles =
+        1024;  ///< a mesh is merged if its placements have no more in all
+  };
+  struct Statistics {
+    std::uint64_t triangles = 0, uniqueTriangles = 0, clusters = 0, instances = 0;
+    std::uint64_t meshBytes = 0,
+                  topLevelBytes = 0;  ///< HCCMesh buffers; Embree's own (its memory monitor)
+    double buildSeconds = 0.0;
+  };
+
+  /// Builds HCCMeshes and the Embree scene. Throws Error(kMemoryOrDevice) if Embree fails.
+  explicit RayScene(const Scene& scene, const Options& options);
+  explicit RayScene(const Scene& scene) : RayScene(scene, Options{}) {}
+  ~RayScene();
+  RayScene(const RayScene&) = delete;
+  RayScene& operator=(const RayScene&) = delete;
+
+  /// Nearest hit in [tnear, tfar]; direction unit length, everything finite but tfar. A negative
+  /// tnear counts as 0. On equal t the lower (instance, cluster, triangle) wins. Thread safe.
+  bool intersect(const vec3& origin, const vec3& direction, float tnear, float tfar,
+                 RayHit& hit) const;
+  /// Whether anything lies in [tnear, tfar]. Thread safe.
+  bool occluded(const vec3& origin, const vec3& direction, float tnear, float tfar) const;
+  /// Decodes a hit. Thread safe.
+  Surface surface(const RayHit& hit) const;
+
+  dvec3 renderOrigin() const;
+  Box3f bounds() const;  ///< render space
+  Statistics statistics() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace trex

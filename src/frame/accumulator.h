@@ -1,0 +1,59 @@
+// The progressive frame: sums per pixel that stay exact for 10^6 frames.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <mutex>
+#include <vector>
+
+#include "src/core/maths.h"
+#include "src/frame/estimator.h"
+
+namespace trex {
+
+/// A sample that was dropped because it was not finite.
+struct NonFiniteSample {
+  std::uint32_t x, y, sample;
+};
+
+/// Guess and difference sums of width x height pixels. Pixels may be filled from different threads
+/// at once, one pixel by one thread. The difference sums exist only where 0 < share < 1.
+class Accumulator {
+ public:
+  /// width, height >= 1; `pairs` asks for the difference sums.
+  Accumulator(std::uint32_t width, std::uint32_t height, bool pairs);
+
+  std::uint32_t width() const { return width_; }
+  std::uint32_t height() const { return height_; }
+
+  /// Adds a sample; `exact` may be null. A sample with a non-finite value never reaches the sums: it
+  /// is counted and the first few are kept for the report.
+  void add(std::uint32_t x, std::uint32_t y, std::uint32_t sample, const vec3& guess,
+           const vec3* exact);
+
+  dvec3 mean(std::uint32_t x, std::uint32_t y) const;
+  dvec3 varianceOfMean(std::uint32_t x, std::uint32_t y) const;
+  std::uint64_t samples(std::uint32_t x, std::uint32_t y) const;
+  std::uint64_t pairs(std::uint32_t x, std::uint32_t y) const;
+
+  std::uint64_t nonFiniteCount() const { return nonFiniteCount_; }
+  std::vector<NonFiniteSample> nonFiniteSamples() const;
+
+  /// Bytes an accumulator takes, before it is made.
+  static std::uint64_t bytesNeeded(std::uint32_t width, std::uint32_t height, bool pairs);
+
+ private:
+  std::size_t index(std::uint32_t x, std::uint32_t y) const {
+    return static_cast<std::size_t>(y) * width_ + x;
+  }
+  void dropNonFinite(const NonFiniteSample& sample);
+
+  std::uint32_t width_, height_;
+  std::vector<Moments> guess_;
+  std::vector<DifferenceMoments> difference_;
+  std::atomic<std::uint64_t> nonFiniteCount_{0};
+  mutable std::mutex mutex_;
+  std::vector<NonFiniteSample> nonFinite_;
+};
+
+}  // namespace trex

@@ -1,0 +1,179 @@
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_reduce.h>
+#include <tbb/task_group.h>
+
+#include <array>
+#include <bit>
+#include <cassert>
+#include <chrono>
+
+#include "src/core/error.h"
+#include "src/grays/cpu_photons.h"
+#include "src/grays/grays.h"
+#include "src/grays/resolve.h"
+
+namespace trex {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+using shaderio::GatherQuery;
+using shaderio::GatherResult;
+
+static_assert(std::endian::native == std::endian::little, "sums are read as pairs of 32-bit words");
+
+double since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+/// One of the two batches of cones that may be under way.
+struct GatherSlot {
+  std::vector<GatherQuery> queries;
+  std::vector<GatherResult> results;
+  tbb::task_group tasks;
+  Clock::time_point start;
+  double seconds = 0.0;
+  bool open = false;
+  ~GatherSlot() noexcept {}  // the owner has waited: task_group cannot throw
+};
+
+struct PhotonCounts {
+  std::uint64_t deposits = 0, lost = 0;
+};
+
+class CpuTracer final : public GRayTracer {
+ public:
+  CpuTracer(const asvo::Tree& tree, std::span<const shaderio::PhotonMaterial> materials)
+      : tree_(tree),
+        materials_(materials.begin(), materials.end()),
+        light_(tree.nodes.size(), asvo::uvec4(0u)),
+        grid_(tree.info.leafCount > 0 ? makeGrid(tree) : std::vector<std::uint32_t>()),
+        tracer_(tree, grid_, light_) {
+    if (materials_.empty()) materials_.push_back({});
+  }
+
+  ~CpuTracer() override { waitAll(); }
+
+  std::string name() const override { return "cpu"; }
+  bool sharesHostCores() const override { return true; }
+
+  int submitGather(std::span<const GatherQuery> queries) override {
+    GatherSlot& slot = slots_[next_ & 1u];
+    assert(!slot.open && "at most two batches may be under way");
+    slot.queries.assign(queries.begin(), queries.end());
+    slot.results.resize(queries.size());
+    slot.open = true;
+    slot.start = Clock::now();
+    slot.tasks.run([this, &slot] {
+      gather(slot);
+      slot.seconds = since(slot.start);
+    });
+    return static_cast<int>(next_++);
+  }
+
+  std::span<const GatherResult> finishGather(int ticket) override {
+    GatherSlot& slot = slots_[static_cast<unsigned>(ticket) & 1u];
+    assert(slot.open && "a ticket is finished once");
+    slot.tasks.wait();
+    slot.open = false;
+    statistics_.cones += slot.results.size();
+    statistics_.gatherSeconds += slot.seconds;
+    return slot.results;
+  }
+
+  void resetFlux() override {
+    direct_.assign(tree_.leaves.size() * kWordsPerLeaf / 2, 0);
+    indirect_.assign(direct_.size(), 0);
+  }
+
+  void tracePhotons(std::span<const shaderio::PhotonRecord> records, double unit) override {
+    const auto start = Clock::now();
+    unit_ = unit;
+    if (direct_.empty()) resetFlux();
+    statistics_.photonRecords += records.size();
+    if (tree_.info.leafCount == 0) {
+      statistics_.lostDeposits += records.size();
+      return;
+    }
+    const photon::Photons photons(tracer_, materials_, direct_, indirect_);
+    const auto countsPerWatt = static_cast<float>(1.0 / unit);
+    const PhotonCounts counts = tbb::parallel_reduce(
+        tbb::blocked_range<std::size_t>(0, records.size(), 64), PhotonCounts{},
+        [&](const tbb::blocked_range<std::size_t>& range, PhotonCounts sum) {
+          for (std::size_t i = range.begin(); i != range.end(); ++i) {
+            auto path = photons.photonBegin(records[i], countsPerWatt);
+            while (path.alive) photons.photonStep(path, countsPerWatt);
+            sum.deposits += path.deposits;
+            sum.lost += path.lost;
+          }
+          return sum;
+        },
+        [](const PhotonCounts& a, const PhotonCounts& b) {
+          return PhotonCounts{a.deposits + b.deposits, a.lost + b.lost};
+        });
+    statistics_.photonDeposits += counts.deposits;
+    statistics_.lostDeposits += counts.lost;
+    statistics_.photonSeconds += since(start);
+  }
+
+  void resolveLight(std::uint64_t emittedPhotons) override {
+    waitAll();
+    if (tree_.info.leafCount == 0 || emittedPhotons == 0) return;
+    if (direct_.empty()) resetFlux();
+    trex::resolveLight(tree_, words(direct_), words(indirect_),
+                       unit_ / static_cast<double>(emittedPhotons), light_);
+  }
+
+  std::span<const asvo::uvec4> light() const override { return light_; }
+  GRayStatistics statistics() const override { return statistics_; }
+
+ private:
+  static std::span<const std::uint32_t> words(const std::vector<std::uint64_t>& sums) {
+    return {reinterpret_cast<const std::uint32_t*>(sums.data()), sums.size() * 2};
+  }
+
+  void waitAll() {
+    for (GatherSlot& slot : slots_) slot.tasks.wait();
+  }
+
+  void gather(GatherSlot& slot) const {
+    if (tree_.info.leafCount == 0) {
+      std::fill(slot.results.begin(), slot.results.end(), GatherResult{glm::vec3(0.0f), 1.0f});
+      return;
+    }
+    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, slot.queries.size(), 256),
+                      [&](const tbb::blocked_range<std::size_t>& range) {
+                        for (std::size_t i = range.begin(); i != range.end(); ++i) {
+                          slot.results[i] = gatherOne(slot.queries[i]);
+                        }
+                      });
+  }
+
+  GatherResult gatherOne(const GatherQuery& q) const {
+    const bool lit = (q.flags & shaderio::kQueryShadow) == 0;
+    const auto cone =
+        tracer_.asvoMarch(q.origin, q.direction, q.tanHalf, q.tmin, q.tmax, q.jitter, lit);
+    return {cone.radiance, cone.transmittance};
+  }
+
+  const asvo::Tree& tree_;
+  std::vector<shaderio::PhotonMaterial> materials_;
+  std::vector<asvo::uvec4> light_;
+  std::vector<std::uint32_t> grid_;
+  const GridTracer tracer_;
+  std::vector<std::uint64_t> direct_, indirect_;  // made when the first photons come
+  double unit_ = 0.0;
+  std::array<GatherSlot, 2> slots_;
+  unsigned next_ = 0;
+  GRayStatistics statistics_;
+};
+
+}  // namespace
+
+std::unique_ptr<GRayTracer> makeCpuTracer(const asvo::Tree& tree,
+                                          std::span<const shaderio::PhotonMaterial> materials) {
+  return std::make_unique<CpuTracer>(tree, materials);
+}
+
+}  // namespace trex

@@ -1,0 +1,161 @@
+#include "src/grays/resolve.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <bit>
+#include <cassert>
+
+#include "asvo/tracer.h"
+
+namespace trex {
+
+namespace {
+
+using glm::vec3;
+
+/// Sums over a sub-tree, by side (0 front).
+struct Sums {
+  vec3 total[2] = {vec3(0.0f), vec3(0.0f)};
+  vec3 indirect[2] = {vec3(0.0f), vec3(0.0f)};
+  float area[2] = {0.0f, 0.0f};
+
+  void add(const Sums& child, bool flipped) {
+    for (int side = 0; side < 2; ++side) {
+      const int from = flipped ? 1 - side : side;
+      total[side] += child.total[from];
+      indirect[side] += child.indirect[from];
+      area[side] += child.area[from];
+    }
+  }
+};
+
+class Resolver {
+ public:
+  Resolver(const asvo::Tree& tree, std::span<const std::uint32_t> direct,
+           std::span<const std::uint32_t> indirect, double wattsPerCount,
+           std::span<asvo::uvec4> light)
+      : tree_(tree),
+        tracer_(tree),
+        direct_(direct),
+        indirect_(indirect),
+        wattsPerCount_(wattsPerCount),
+        light_(light),
+        inner_(tree.info.firstLeaf) {
+    const float edge = tree.info.size / static_cast<float>(1u << tree.info.depth);
+    leastArea_ = kLeastArea * edge * edge;
+  }
+
+  void run() {
+    const int depth = static_cast<int>(tree_.info.depth);
+    for (int level = depth - 1; level >= 0; --level) {
+      forLevel(level, [&](std::uint32_t node) { sumChildren(node); });
+    }
+    if (tree_.info.nodeCount > 0) light_[0] = pack(irradiance(sums(0), asvo::uvec4(0u)));
+    for (int level = 0; level < depth; ++level) {
+      forLevel(level, [&](std::uint32_t node) { lightChildren(node); });
+    }
+  }
+
+ private:
+  struct Irradiance {
+    vec3 total[2], indirect[2];
+  };
+
+  template <typename Function>
+  void forLevel(int level, const Function& function) {
+    const auto l = static_cast<std::size_t>(level);
+    tbb::parallel_for(
+        tbb::blocked_range<std::uint32_t>(tree_.levelOffsets[l], tree_.levelOffsets[l + 1], 256),
+        [&](const tbb::blocked_range<std::uint32_t>& range) {
+          for (std::uint32_t node = range.begin(); node != range.end(); ++node) function(node);
+        });
+  }
+
+  vec3 flux(std::span<const std::uint32_t> words, std::uint32_t leaf, int side) const {
+    vec3 sum;
+    for (int channel = 0; channel < 3; ++channel) {
+      const std::size_t at =
+          leaf * kWordsPerLeaf + static_cast<std::size_t>(side * 6 + channel * 2);
+      const std::uint64_t counts = words[at] | std::uint64_t{words[at + 1]} << 32;
+      sum[channel] = static_cast<float>(static_cast<double>(counts) * wattsPerCount_);
+    }
+    return sum;
+  }
+
+  Sums sums(std::uint32_t node) const {
+    if (node < tree_.info.firstLeaf) return inner_[node];
+    Sums s;
+    const std::uint32_t leaf = node - tree_.info.firstLeaf;
+    for (int side = 0; side < 2; ++side) {
+      s.indirect[side] = flux(indirect_, leaf, side);
+      s.total[side] = flux(direct_, leaf, side) + s.indirect[side];
+      s.area[side] = tracer_.asvoArea(node, side == 0);
+    }
+    return s;
+  }
+
+  template <typename Function>
+  void forChildren(std::uint32_t node, const Function& function) const {
+    const asvo::uvec2 links = tree_.nodes[node];
+    const auto count = static_cast<std::uint32_t>(std::popcount(links.y & 255u));
+    for (std::uint32_t i = 0; i < count; ++i) function(links.x + i);
+  }
+
+  void sumChildren(std::uint32_t node) {
+    Sums s;
+    forChildren(node,
+                [&](std::uint32_t child) { s.add(sums(child), tracer_.asvoFlips(child, node)); });
+    inner_[node] = s;
+  }
+
+  void lightChildren(std::uint32_t node) {
+    const asvo::uvec4 own = light_[node];
+    forChildren(node, [&](std::uint32_t child) {
+      const bool flips = tracer_.asvoFlips(child, node);
+      const asvo::uvec4 coarser = flips ? asvo::uvec4(own.y, own.x, own.w, own.z) : own;
+      light_[child] = pack(irradiance(sums(child), coarser));
+    });
+  }
+
+  /// Quotients of a voxel; `coarser` is its parent's light, sides already matched.
+  Irradiance irradiance(const Sums& s, const asvo::uvec4& coarser) const {
+    Irradiance e;
+    for (int side = 0; side < 2; ++side) {
+      if (s.area[side] >= leastArea_) {
+        e.total[side] = s.total[side] / s.area[side];
+        e.indirect[side] = s.indirect[side] / s.area[side];
+      } else {
+        e.total[side] = tracer_.asvoUnpackRgb9e5(side == 0 ? coarser.x : coarser.y);
+        e.indirect[side] = tracer_.asvoUnpackRgb9e5(side == 0 ? coarser.z : coarser.w);
+      }
+    }
+    return e;
+  }
+
+  asvo::uvec4 pack(const Irradiance& e) const {
+    return asvo::uvec4(tracer_.asvoPackRgb9e5(e.total[0]), tracer_.asvoPackRgb9e5(e.total[1]),
+                       tracer_.asvoPackRgb9e5(e.indirect[0]),
+                       tracer_.asvoPackRgb9e5(e.indirect[1]));
+  }
+
+  const asvo::Tree& tree_;
+  const asvo::Tracer tracer_;
+  std::span<const std::uint32_t> direct_, indirect_;
+  double wattsPerCount_;
+  std::span<asvo::uvec4> light_;
+  std::vector<Sums> inner_;
+  float leastArea_ = 0.0f;
+};
+
+}  // namespace
+
+void resolveLight(const asvo::Tree& tree, std::span<const std::uint32_t> direct,
+                  std::span<const std::uint32_t> indirect, double wattsPerCount,
+                  std::span<asvo::uvec4> light) {
+  assert(direct.size() >= tree.info.leafCount * kWordsPerLeaf && light.size() == tree.nodes.size());
+  assert(indirect.size() == direct.size());
+  Resolver(tree, direct, indirect, wattsPerCount, light).run();
+}
+
+}  // namespace trex

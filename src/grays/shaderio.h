@@ -1,0 +1,64 @@
+// Records exchanged between host and device, included by C++ and GLSL. std430 sizes are asserted.
+#ifndef TREX_SHADERIO_H
+#define TREX_SHADERIO_H
+
+#ifdef __cplusplus
+#include <cstdint>
+#include <glm/glm.hpp>
+namespace trex::shaderio {
+using uint = std::uint32_t;
+using glm::uvec4;
+using glm::vec3;
+using glm::vec4;
+#define SHADERIO_CONST inline constexpr
+#else
+#define SHADERIO_CONST const
+#endif
+
+SHADERIO_CONST uint kWorkgroupSize = 64u;
+
+/// Bits of GatherQuery::flags.
+SHADERIO_CONST uint kQueryShadow = 1u;  // transmittance alone; radiance is 0
+
+/// One G-ray: a cone through the ASVO. 48 bytes.
+struct GatherQuery {
+  vec3 origin;
+  float tanHalf;
+  vec3 direction;
+  float tmin;
+  float tmax;
+  float jitter;  // [0, 1)
+  uint flags;
+  uint pad;
+};
+
+/// Its answer. 16 bytes.
+struct GatherResult {
+  vec3 radiance;
+  float transmittance;
+};
+
+/// A photon where it first met a diffuse surface; that first flight was a C-ray. 32 bytes.
+struct PhotonRecord {
+  vec3 position;   // render space, on the surface
+  uint normal;     // octahedral 2 x unorm16, geometric, on the side the light arrives at
+  vec3 power;      // W, arriving
+  uint index;      // photon number: the key of its random numbers
+};
+
+/// What a photon needs of a material when it meets a voxel. 16 bytes.
+struct PhotonMaterial {
+  float metallic;
+  float roughness;
+  uint baseColor;  // 4 x unorm8 linear: reflectance of the metal part
+  uint flags;
+};
+
+#ifdef __cplusplus
+static_assert(sizeof(GatherQuery) == 48);
+static_assert(sizeof(GatherResult) == 16);
+static_assert(sizeof(PhotonRecord) == 32);
+static_assert(sizeof(PhotonMaterial) == 16);
+}  // namespace trex::shaderio
+#endif
+#endif

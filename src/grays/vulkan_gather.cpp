@@ -1,0 +1,139 @@
+#include <algorithm>
+#include <cassert>
+#include <cstring>
+
+#include "src/grays/grid.h"
+#include "src/grays/shaders.h"
+#include "src/grays/vulkan_passes.h"
+
+namespace trex {
+
+namespace {
+
+/// Push constants of gather.comp.
+struct Push {
+  asvo::AsvoInfo info;
+  std::uint32_t gridLevel, first, end;
+};
+static_assert(sizeof(Push) == 44);
+
+// A software device gathers texels with vector instructions but fetches from storage buffers lane
+// by lane. GPUs read both alike and keep the format the tree is stored in.
+bool useTexels(const vulkan::Device& device, const asvo::Tree& tree) {
+  return device.info().sharesHostCores &&
+         tree.voxels.size() <= device.info().maxTexelBufferElements &&
+         std::uint64_t{2} << (3 * gridLevel(tree.info)) <= device.info().maxTexelBufferElements;
+}
+
+}  // namespace
+
+TreeBuffers::TreeBuffers(vulkan::Device& device, const asvo::Tree& tree, bool storageBuffers)
+    : info(tree.info),
+      gridLevel(trex::gridLevel(tree.info)),
+      texels(!storageBuffers && useTexels(device, tree)),
+      nodes(device, "the nodes of the voxel tree", std::as_bytes(std::span(tree.nodes)).size(),
+            vulkan::Place::kDevice),
+      voxels(device, "the voxels", std::as_bytes(std::span(tree.voxels)).size(),
+             vulkan::Place::kDevice),
+      leaves(device, "the leaves of the voxel tree", std::as_bytes(std::span(tree.leaves)).size(),
+             vulkan::Place::kDevice),
+      light(device, "the light of the voxels", tree.nodes.size() * sizeof(asvo::uvec4),
+            vulkan::Place::kDevice),
+      grid(device, "the grid of the voxel tree", std::uint64_t{8} << (3 * gridLevel),
+           vulkan::Place::kDevice) {
+  nodes.upload(std::as_bytes(std::span(tree.nodes)));
+  voxels.upload(std::as_bytes(std::span(tree.voxels)));
+  leaves.upload(std::as_bytes(std::span(tree.leaves)));
+  const std::vector<std::uint32_t> entries = makeGrid(tree);
+  grid.upload(std::as_bytes(std::span(entries)));
+  light.clear();
+}
+
+std::vector<std::uint32_t> TreeBuffers::texelWords() const {
+  if (!texels) return {};
+  return {2, 4, 4, 4, 1};
+}
+
+std::uint32_t workgroupSize(const vulkan::Device& device) {
+  return std::min(shaderio::kWorkgroupSize, device.info().maxWorkgroupInvocations);
+}
+
+void GatherPass::grow(Slot& slot, std::size_t count) {
+  if (!kernel_) {
+    kernel_.emplace(device_, vulkan::KernelOptions{.name = "gather",
+                                                   .spirv = gatherShader(tree_.texels),
+                                                   .bindings = 7,
+                                                   .texelWords = tree_.texelWords(),
+                                                   .pushBytes = sizeof(Push),
+                                                   .constants = {workgroupSize(device_)}});
+  }
+  if (count <= slot.capacity) return;
+  slot.bindings.reset();
+  slot.queries.reset();
+  slot.results.reset();
+  slot.capacity = 0;
+  slot.queries.emplace(device_, "queries of gathering", count * sizeof(shaderio::GatherQuery),
+                       vulkan::Place::kHost);
+  slot.results.emplace(device_, "results of gathering", count * sizeof(shaderio::GatherResult),
+                       vulkan::Place::kHost);
+  const std::array<const vulkan::Buffer*, 7> buffers = {
+      &tree_.nodes, &tree_.voxels,  &tree_.leaves, &tree_.light,
+      &tree_.grid,  &*slot.queries, &*slot.results};
+  slot.bindings.emplace(device_, *kernel_, buffers);
+  slot.capacity = count;
+}
+
+int GatherPass::submit(std::span<const shaderio::GatherQuery> queries) {
+  Slot& slot = slots_[next_ & 1u];
+  assert(!slot.open && "at most two batches may be under way");
+  grow(slot, std::max<std::size_t>(queries.size(), 1));
+  if (!slot.batch) slot.batch.emplace(device_);
+  const auto bytes = std::as_bytes(queries);
+  if (!bytes.empty()) std::memcpy(slot.queries->mapped(), bytes.data(), bytes.size());
+
+  const std::uint32_t size = workgroupSize(device_);
+  const std::uint64_t slice = std::clamp<std::uint64_t>(
+      slicer_.items(), size, std::uint64_t{device_.info().maxWorkgroupCount} * size);
+  const auto count = static_cast<std::uint32_t>(queries.size());
+  for (std::uint64_t first = 0; first < count; first += slice) {
+    const auto end = static_cast<std::uint32_t>(std::min<std::uint64_t>(count, first + slice));
+    const Push push{tree_.info, tree_.gridLevel, static_cast<std::uint32_t>(first), end};
+    const auto groups = static_cast<std::uint32_t>((end - first + size - 1) / size);
+    slot.batch->dispatch(*kernel_, *slot.bindings, std::as_bytes(std::span(&push, 1)), groups);
+  }
+  slot.start = Clock::now();
+  slot.batch->submit();
+  slot.count = queries.size();
+  slot.open = true;
+  slot.running = true;
+  return static_cast<int>(next_++);
+}
+
+void GatherPass::wait(Slot& slot) {
+  if (!slot.running) return;
+  const bool late = !slot.batch->busy();  // it ended some time ago: its time is not known
+  slot.batch->wait();
+  slot.running = false;
+  const auto end = Clock::now();
+  // A batch starts when it is submitted or when the one before it ends.
+  const double seconds =
+      std::chrono::duration<double>(end - std::max(slot.start, lastEnd_)).count();
+  lastEnd_ = end;
+  seconds_ += seconds;
+  if (!late) slicer_.measured(slot.count, seconds);
+}
+
+std::span<const shaderio::GatherResult> GatherPass::finish(int ticket) {
+  Slot& slot = slots_[static_cast<unsigned>(ticket) & 1u];
+  assert(slot.open && "a ticket is finished once");
+  wait(slot);
+  slot.open = false;
+  const auto* results = reinterpret_cast<const shaderio::GatherResult*>(slot.results->mapped());
+  return {results, slot.count};
+}
+
+void GatherPass::waitAll() {
+  for (unsigned i = 0; i < 2; ++i) wait(slots_[(next_ + i) & 1u]);
+}
+
+}  // namespace trex

@@ -1,0 +1,115 @@
+// Cameras from the command line and from a box.
+#include <charconv>
+#include <optional>
+#include <string_view>
+
+#include "src/core/error.h"
+#include "src/scene/import.h"
+
+namespace trex {
+namespace {
+
+std::vector<std::string_view> split(std::string_view text, char separator) {
+  std::vector<std::string_view> parts;
+  for (;;) {
+    const std::size_t at = text.find(separator);
+    parts.push_back(text.substr(0, at));
+    if (at == std::string_view::npos) return parts;
+    text.remove_prefix(at + 1);
+  }
+}
+
+std::optional<double> parseNumber(std::string_view text) {
+  while (!text.empty() && text.front() == ' ') text.remove_prefix(1);
+  while (!text.empty() && text.back() == ' ') text.remove_suffix(1);
+  if (!text.empty() && text.front() == '+') text.remove_prefix(1);
+  double value = 0.0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) return {};
+  return value;
+}
+
+std::optional<dvec3> parseTriple(std::string_view text) {
+  const auto parts = split(text, ',');
+  if (parts.size() != 3) return {};
+  dvec3 triple;
+  for (int i = 0; i < 3; ++i) {
+    const auto value = parseNumber(parts[i]);
+    if (!value) return {};
+    triple[i] = *value;
+  }
+  return triple;
+}
+
+std::string cameraNames(const Scene& scene) {
+  std::string names;
+  for (std::size_t i = 0; i < scene.cameras.size() && i < 20; ++i) {
+    names += (i == 0 ? "" : ", ") + scene.cameras[i].name;
+  }
+  return names.empty() ? "none" : names;
+}
+
+Camera lookAt(const dvec3& eye, const dvec3& target, const dvec3& up) {
+  Camera camera;
+  camera.eye = eye;
+  const dvec3 forward = glm::normalize(target - eye);
+  const dvec3 right = glm::normalize(glm::cross(forward, glm::normalize(up)));
+  camera.forward = vec3(forward);
+  camera.up = vec3(glm::cross(right, forward));
+  return camera;
+}
+
+}  // namespace
+
+Camera parseCamera(const std::string& text, const Scene& scene) {
+  for (const Camera& camera : scene.cameras) {
+    if (camera.name == text) return camera;
+  }
+  const auto parts = split(text, '/');
+  if (parts.size() != 4) {
+    fail(
+        ExitCode::kUsage,
+        "camera '{}': no such camera in the scene (it has: {}), and not EYE/TARGET/UP/VFOV such as "
+        "0,1,5/0,1,0/0,1,0/40",
+        text, cameraNames(scene));
+  }
+  const auto eye = parseTriple(parts[0]), target = parseTriple(parts[1]),
+             up = parseTriple(parts[2]);
+  const auto fov = parseNumber(parts[3]);
+  if (!eye || !target || !up || !fov) {
+    fail(ExitCode::kUsage, "camera '{}': EYE, TARGET and UP are x,y,z in metres, VFOV degrees",
+         text);
+  }
+  if (!(*fov > 0.0 && *fov < 180.0)) {
+    fail(ExitCode::kUsage, "camera '{}': the field of view must be between 0 and 180 degrees",
+         text);
+  }
+  const dvec3 toTarget = *target - *eye;
+  const double distance = glm::length(toTarget), upLength = glm::length(*up);
+  if (!(distance > 0.0) || !(upLength > 0.0) ||
+      !(glm::length(glm::cross(toTarget / distance, *up / upLength)) > 1e-9)) {
+    fail(ExitCode::kUsage,
+         "camera '{}': EYE and TARGET must differ and UP not point along the view", text);
+  }
+  Camera camera = lookAt(*eye, *target, *up);
+  camera.name = text;
+  camera.verticalFov = glm::radians(static_cast<float>(*fov));
+  return camera;
+}
+
+Camera framingCamera(const Box3d& bounds) {
+  const bool empty = bounds.empty();
+  const dvec3 centre = empty ? dvec3(0.0) : bounds.centre();
+  double radius = empty ? 1.0 : 0.5 * glm::length(bounds.size());
+  if (!(radius > 0.0)) radius = 1.0;
+  Camera camera;
+  const double distance = 1.05 * radius / std::sin(0.5 * camera.verticalFov);
+  const dvec3 towardsEye = glm::normalize(dvec3(0.0, 0.3, 1.0));
+  const float fov = camera.verticalFov;
+  camera = lookAt(centre + distance * towardsEye, centre, dvec3(0.0, 1.0, 0.0));
+  camera.verticalFov = fov;
+  camera.name = "framing";
+  return camera;
+}
+
+}  // namespace trex

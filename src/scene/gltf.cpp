@@ -1,0 +1,397 @@
+// glTF 2.0: the file, its nodes, cameras and lights.
+#include <algorithm>
+#include <glm/gtc/quaternion.hpp>
+
+#include "src/scene/gltf_detail.h"
+#include "src/scene/image_io.h"
+
+namespace trex::detail {
+namespace {
+
+/// JSON nested deeper than this would exhaust the stack of a recursive reader.
+constexpr int kMaxJsonDepth = 100;
+
+const std::set<std::string> kSupported = {
+    "KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_specular",
+    "KHR_materials_ior",   "KHR_materials_transmission",      "KHR_materials_volume",
+    "KHR_materials_unlit", "KHR_texture_transform",           "KHR_mesh_quantization",
+    "EXT_texture_webp"};
+
+std::string oneLine(std::string text) {
+  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) text.pop_back();
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  return text;
+}
+
+std::uint32_t word(const std::vector<std::uint8_t>& bytes, std::size_t at) {
+  return bytes[at] | bytes[at + 1] << 8 | bytes[at + 2] << 16 |
+         static_cast<std::uint32_t>(bytes[at + 3]) << 24;
+}
+
+bool isBinary(const std::vector<std::uint8_t>& bytes) {
+  return bytes.size() >= 4 && std::memcmp(bytes.data(), "glTF", 4) == 0;
+}
+
+/// The JSON part of the file; checks the binary container.
+std::string_view jsonOf(const GltfContext& context, const std::vector<std::uint8_t>& bytes) {
+  const char* text = reinterpret_cast<const char*>(bytes.data());
+  if (!isBinary(bytes)) {
+    std::string extension = context.path.extension().string();
+    if (extension == ".glb" || extension == ".GLB") context.bad("not a .glb file (wrong magic)");
+    return {text, bytes.size()};
+  }
+  if (bytes.size() < 20) context.bad("truncated: {} bytes are no .glb file", bytes.size());
+  if (word(bytes, 4) != 2) context.bad("glTF version {} can't be read, only 2", word(bytes, 4));
+  if (word(bytes, 8) > bytes.size()) {
+    context.bad("truncated: the header says {} bytes, the file has {}", word(bytes, 8),
+                bytes.size());
+  }
+  const std::uint64_t jsonLength = word(bytes, 12);
+  if (word(bytes, 16) != 0x4e4f534au || jsonLength > bytes.size() - 20) {
+    context.bad("the first chunk is not JSON or is longer than the file");
+  }
+  return {text + 20, static_cast<std::size_t>(jsonLength)};
+}
+
+void checkDepth(const GltfContext& context, std::string_view json) {
+  int depth = 0;
+  bool inString = false;
+  for (std::size_t i = 0; i < json.size(); ++i) {
+    const char c = json[i];
+    if (inString) {
+      if (c == '\\') ++i;
+      inString = c != '"';
+    } else if (c == '"') {
+      inString = true;
+    } else if (c == '{' || c == '[') {
+      if (++depth > kMaxJsonDepth) context.bad("JSON nested deeper than {}", kMaxJsonDepth);
+    } else if (c == '}' || c == ']') {
+      --depth;
+    }
+  }
+}
+
+bool fileExists(const std::string& path, void*) {
+  std::error_code error;
+  return std::filesystem::is_regular_file(path, error);
+}
+std::string samePath(const std::string& path, void*) { return path; }
+bool readFile(std::vector<unsigned char>* out, std::string* error, const std::string& path, void*) {
+  try {
+    *out = readWholeFile(path, "buffer", std::uint64_t(1) << 34);
+    return true;
+  } catch (const Error& e) {
+    if (error != nullptr) *error = e.what();
+    return false;
+  }
+}
+bool writeNothing(std::string*, const std::string&, const std::vector<unsigned char>&, void*) {
+  return false;
+}
+
+/// Keeps the encoded bytes of data URIs; images in buffer views are decoded from there later.
+bool keepEncoded(tinygltf::Image* image, const int, std::string*, std::string*, int, int,
+                 const unsigned char* bytes, int size, void*) {
+  if (image->bufferView < 0 && size > 0) image->image.assign(bytes, bytes + size);
+  return true;
+}
+
+void parse(GltfContext& context) {
+  const std::vector<std::uint8_t> bytes =
+      readWholeFile(context.path, "model", std::uint64_t(1) << 32);
+  const std::string_view json = jsonOf(context, bytes);
+  checkDepth(context, json);
+  tinygltf::TinyGLTF loader;
+  loader.SetFsCallbacks({&fileExists, &samePath, &readFile, &writeNothing, nullptr});
+  loader.SetImageLoader(&keepEncoded, nullptr);
+  const std::string folder = context.path.parent_path().string();
+  std::string error, warning;
+  bool good = false;
+  try {
+    const auto size = static_cast<unsigned>(bytes.size());
+    good = isBinary(bytes) ? loader.LoadBinaryFromMemory(&context.model, &error, &warning,
+                                                         bytes.data(), size, folder)
+                           : loader.LoadASCIIFromString(&context.model, &error, &warning,
+                                                        reinterpret_cast<const char*>(bytes.data()),
+                                                        size, folder);
+  } catch (const std::bad_alloc&) {
+    throw;
+  } catch (const std::exception& e) {
+    error = e.what();
+  }
+  if (!good) context.bad("not valid glTF: {}", oneLine(error.empty() ? "unknown" : error));
+  // tinygltf goes on after some errors, with a part of the file missing.
+  if (!error.empty()) context.warn("{}", oneLine(error));
+  if (!warning.empty()) context.warn("{}", oneLine(warning));
+}
+
+void checkVersionAndExtensions(GltfContext& context) {
+  const tinygltf::Model& model = context.model;
+  if (model.asset.version.substr(0, 2) != "2.") {
+    context.bad("glTF version {} can't be read, only 2.x", model.asset.version);
+  }
+  for (const std::string& name : model.extensionsRequired) {
+    if (!kSupported.contains(name)) {
+      context.bad("requires the extension {}, which is not supported", name);
+    }
+  }
+  for (const std::string& name : model.extensionsUsed) {
+    if (!kSupported.contains(name)) context.warn("the extension {} is ignored", name);
+  }
+}
+
+bool isFiniteMatrix(const dmat4& m) {
+  for (int c = 0; c < 4; ++c) {
+    for (int r = 0; r < 4; ++r) {
+      if (!std::isfinite(m[c][r])) return false;
+    }
+  }
+  return true;
+}
+
+/// Reads the nodes of one scene.
+class NodeReader {
+ public:
+  explicit NodeReader(GltfContext& context)
+      : context_(context),
+        materials_(context),
+        meshes_(context, materials_),
+        visited_(context.model.nodes.size()) {}
+
+  void read() {
+    nameObjects();
+    std::vector<std::pair<int, dmat4>> open;  // a stack: hostile trees may be deep
+    const std::vector<int> roots = rootNodes();
+    for (auto it = roots.rbegin(); it != roots.rend(); ++it) open.emplace_back(*it, dmat4(1.0));
+    while (!open.empty()) {
+      const auto [index, parent] = open.back();
+      open.pop_back();
+      const tinygltf::Node& node = nodeAt(index);
+      const dmat4 world = parent * localTransform(node, index);
+      if (!isFiniteMatrix(world)) {
+        context_.bad("node {} ('{}'): its transform is not finite", index, node.name);
+      }
+      readNode(node, index, world);
+      for (auto it = node.children.rbegin(); it != node.children.rend(); ++it) {
+        open.emplace_back(*it, world);
+      }
+    }
+    materials_.loadImages();
+    if (context_.scene.materials.empty()) context_.scene.materials.emplace_back();
+  }
+
+ private:
+  void nameObjects() {
+    const auto& nodes = context_.model.nodes;
+    for (std::size_t i = 0; i < nodes.size(); ++i) {
+      context_.scene.objects.push_back(nodes[i].name.empty() ? fmt::format("node {}", i)
+                                                             : nodes[i].name);
+    }
+  }
+
+  std::vector<int> rootNodes() const {
+    const tinygltf::Model& model = context_.model;
+    if (!model.scenes.empty()) {
+      const int index = std::max(model.defaultScene, 0);
+      if (std::size_t(index) >= model.scenes.size()) {
+        context_.bad("scene {} does not exist; there are {}", index, model.scenes.size());
+      }
+      return model.scenes[index].nodes;
+    }
+    std::vector<bool> isChild(model.nodes.size());
+    for (const tinygltf::Node& node : model.nodes) {
+      for (const int child : node.children) {
+        if (child >= 0 && std::size_t(child) < isChild.size()) isChild[child] = true;
+      }
+    }
+    std::vector<int> roots;
+    for (std::size_t i = 0; i < isChild.size(); ++i) {
+      if (!isChild[i]) roots.push_back(static_cast<int>(i));
+    }
+    return roots;
+  }
+
+  const tinygltf::Node& nodeAt(int index) {
+    if (index < 0 || std::size_t(index) >= visited_.size()) {
+      context_.bad("node {} does not exist; there are {}", index, visited_.size());
+    }
+    if (visited_[index]) context_.bad("node {} has two parents or is its own ancestor", index);
+    visited_[index] = true;
+    return context_.model.nodes[index];
+  }
+
+  dmat4 localTransform(const tinygltf::Node& node, int index) const {
+    const auto sized = [&](const std::vector<double>& v, std::size_t size, const char* what) {
+      if (!v.empty() && v.size() != size) {
+        context_.bad("node {} ('{}'): {} must have {} numbers", index, node.name, what, size);
+      }
+      return !v.empty();
+    };
+    dmat4 m(1.0);
+    if (sized(node.matrix, 16, "matrix")) {
+      for (int i = 0; i < 16; ++i) m[i / 4][i % 4] = node.matrix[i];
+      // The last row of an affine matrix; anything else would divide by w.
+      if (m[0][3] != 0.0 || m[1][3] != 0.0 || m[2][3] != 0.0 || m[3][3] != 1.0) {
+        context_.bad("node {} ('{}'): its matrix is not affine", index, node.name);
+      }
+      return m;
+    }
+    if (sized(node.rotation, 4, "rotation")) {
+      const glm::dquat q(node.rotation[3], node.rotation[0], node.rotation[1], node.rotation[2]);
+      m = glm::mat4_cast(q / glm::length(q));
+    }
+    if (sized(node.scale, 3, "scale")) {
+      for (int k = 0; k < 3; ++k) m[k] *= node.scale[k];
+    }
+    if (sized(node.translation, 3, "translation")) {
+      for (int k = 0; k < 3; ++k) m[3][k] = node.translation[k];
+    }
+    return m;
+  }
+
+  void readNode(const tinygltf::Node& node, int index, const dmat4& world) {
+    if (node.skin >= 0) context_.warn("skins are ignored");
+    if (node.mesh >= 0) {
+      for (const int mesh : meshes_.use(node.mesh)) place(mesh, index, world);
+    }
+    if (node.camera >= 0) readCamera(node, world);
+    const auto light = node.extensions.find("KHR_lights_punctual");
+    if (light != node.extensions.end()) readLight(node, index, light->second, world);
+  }
+
+  void place(int mesh, int node, const dmat4& world) {
+    Instance instance;
+    instance.name = context_.scene.objects[node];
+    instance.mesh = mesh;
+    instance.transform = world;
+    instance.object = node;
+    const double scale =
+        glm::length(dvec3(world[0])) * glm::length(dvec3(world[1])) * glm::length(dvec3(world[2]));
+    const double determinant = glm::determinant(glm::dmat3(world));
+    if (!(std::abs(determinant) > 1e-12 * scale) || !std::isnormal(determinant)) {
+      flatten(instance);
+    }
+    context_.scene.instances.push_back(std::move(instance));
+  }
+
+  /// A transform that can't be inverted (a scale of 0) is applied to a copy of the mesh.
+  void flatten(Instance& instance) {
+    context_.warn("node '{}': its transform has no volume", instance.name);
+    Mesh mesh = context_.scene.meshes[instance.mesh];
+    for (vec3& p : mesh.positions) {
+      p = vec3(dvec3(instance.transform * glm::dvec4(mesh.origin + dvec3(p), 1.0)));
+    }
+    mesh.origin = dvec3(0.0);
+    mesh.normals.clear();
+    mesh.sameGeometryAs = kNone;
+    sanitiseMesh(context_.scene, mesh, context_.name + ": node '" + instance.name + "'");
+    instance.mesh = static_cast<int>(context_.scene.meshes.size());
+    instance.transform = dmat4(1.0);
+    context_.scene.meshes.push_back(std::move(mesh));
+  }
+
+  vec3 axis(const dmat4& world, int column, const vec3& fallback) const {
+    const dvec3 a(world[column]);
+    const double length = glm::length(a);
+    return length > 0.0 && std::isfinite(length) ? vec3(a / length) : fallback;
+  }
+
+  void readCamera(const tinygltf::Node& node, const dmat4& world) {
+    const auto& cameras = context_.model.cameras;
+    if (std::size_t(node.camera) >= cameras.size()) {
+      context_.bad("node '{}': camera {} does not exist", node.name, node.camera);
+    }
+    const tinygltf::Camera& from = cameras[node.camera];
+    Camera to;
+    to.name = !from.name.empty()   ? from.name
+              : !node.name.empty() ? node.name
+                                   : fmt::format("camera {}", context_.scene.cameras.size());
+    to.eye = dvec3(world[3]);
+    to.forward = -axis(world, 2, vec3(0.0f, 0.0f, 1.0f));
+    const vec3 up = axis(world, 1, vec3(0.0f, 1.0f, 0.0f));
+    const vec3 straight = up - glm::dot(up, to.forward) * to.forward;
+    to.up = glm::length(straight) > 1e-6f ? glm::normalize(straight) : Basis(to.forward).tangent;
+    if (from.type == "orthographic") {
+      to.orthographic = true;
+      to.orthographicHeight = static_cast<float>(2.0 * std::abs(from.orthographic.ymag));
+      if (!(to.orthographicHeight > 0.0f) || !std::isfinite(to.orthographicHeight)) {
+        context_.bad("camera '{}': ymag must be more than 0", to.name);
+      }
+    } else {
+      to.verticalFov = static_cast<float>(from.perspective.yfov);
+      if (!(to.verticalFov > 0.0f && to.verticalFov < kPi)) {
+        context_.bad("camera '{}': yfov {} must be between 0 and pi", to.name,
+                     from.perspective.yfov);
+      }
+    }
+    context_.scene.cameras.push_back(std::move(to));
+  }
+
+  void readLight(const tinygltf::Node& node, int index, const tinygltf::Value& extension,
+                 const dmat4& world) {
+    const auto& lights = context_.model.lights;
+    if (!extension.IsObject() || !extension.Has("light") || !extension.Get("light").IsNumber()) {
+      context_.bad("node {} ('{}'): KHR_lights_punctual has no light", index, node.name);
+    }
+    const int number = extension.Get("light").GetNumberAsInt();
+    if (number < 0 || std::size_t(number) >= lights.size()) {
+      context_.bad("node {} ('{}'): light {} does not exist", index, node.name, number);
+    }
+    const tinygltf::Light& from = lights[number];
+    Light to;
+    to.name = from.name.empty() ? node.name : from.name;
+    if (from.type == "directional") {
+      to.type = Light::Type::kDirectional;
+    } else if (from.type == "spot") {
+      to.type = Light::Type::kSpot;
+      readCone(from, to);
+    } else if (from.type != "point") {
+      context_.bad("light {} ('{}'): unknown type '{}'", number, from.name, from.type);
+    }
+    to.position = dvec3(world[3]);
+    to.direction = -axis(world, 2, vec3(0.0f, 0.0f, 1.0f));
+    vec3 color(1.0f);
+    for (std::size_t k = 0; k < 3 && from.color.size() == 3; ++k) {
+      color[int(k)] = static_cast<float>(from.color[k]);
+    }
+    to.intensity = color * static_cast<float>(from.intensity);
+    for (int k = 0; k < 3; ++k) {
+      if (to.intensity[k] >= 0.0f && std::isfinite(to.intensity[k])) continue;
+      context_.warn("light {} ('{}'): negative or non-finite intensity set to 0", number,
+                    from.name);
+      to.intensity[k] = 0.0f;
+    }
+    if (from.range > 0.0) to.range = static_cast<float>(from.range);
+    context_.scene.lights.push_back(std::move(to));
+  }
+
+  void readCone(const tinygltf::Light& from, Light& to) {
+    const double outer = std::clamp(from.spot.outerConeAngle, 1e-4, 0.5 * std::numbers::pi);
+    const double inner = std::clamp(from.spot.innerConeAngle, 0.0, outer);
+    if (outer != from.spot.outerConeAngle || inner != from.spot.innerConeAngle) {
+      context_.warn("light '{}': cone angles out of range were clamped", from.name);
+    }
+    to.outerConeAngle = static_cast<float>(outer);
+    to.innerConeAngle = static_cast<float>(inner);
+  }
+
+  GltfContext& context_;
+  GltfMaterials materials_;
+  GltfMeshes meshes_;
+  std::vector<bool> visited_;
+};
+
+}  // namespace
+
+Scene readGltf(const std::filesystem::path& path, const ImportOptions& options) {
+  GltfContext context;
+  context.path = path;
+  context.name = path.string();
+  context.options = options;
+  parse(context);
+  checkVersionAndExtensions(context);
+  NodeReader(context).read();
+  return std::move(context.scene);
+}
+
+}  // namespace trex::detail

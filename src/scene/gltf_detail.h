@@ -1,0 +1,138 @@
+// Parts of the glTF reader. tinygltf parses the JSON and loads buffers; every index and range that
+// it hands out is checked here before use, in 64 bits.
+#pragma once
+
+// Images are decoded by image_io, on demand; tinygltf reads none.
+#define TINYGLTF_NO_STB_IMAGE
+#define TINYGLTF_NO_STB_IMAGE_WRITE
+#define TINYGLTF_NO_EXTERNAL_IMAGE
+#include <tiny_gltf.h>
+
+#include <cstring>
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "src/scene/import_detail.h"
+
+namespace trex::detail {
+
+/// What all parts of the reader need: the parsed file and where messages go.
+struct GltfContext {
+  std::filesystem::path path;
+  std::string name;  ///< of the file, for messages
+  ImportOptions options;
+  tinygltf::Model model;
+  Scene scene;
+  std::set<std::string> said;  ///< warnings already in the scene
+
+  template <typename... Args>
+  [[noreturn]] void bad(fmt::format_string<Args...> format, Args&&... args) const {
+    fail(ExitCode::kInput, "{}: {}", name, fmt::format(format, std::forward<Args>(args)...));
+  }
+  template <typename... Args>
+  void warn(fmt::format_string<Args...> format, Args&&... args) {
+    std::string text = name + ": " + fmt::format(format, std::forward<Args>(args)...);
+    if (said.insert(text).second) scene.warnings.push_back(std::move(text));
+  }
+};
+
+/// The checked memory of an accessor: `count` elements of `components` values each.
+class GltfAccessor {
+ public:
+  /// Checks all ranges; throws Error(kInput) that names the accessor. Sparse accessors are copied
+  /// and patched, all others are read where they lie.
+  GltfAccessor(const GltfContext& context, int index);
+
+  std::uint64_t count() const { return count_; }
+  int components() const { return components_; }
+  int componentType() const { return componentType_; }
+  bool normalized() const { return normalized_; }
+
+  /// One value as float; integers are scaled to [0, 1] or [-1, 1] if the accessor is normalized.
+  float value(std::uint64_t element, int component) const;
+
+  /// One value of an unsigned integer type, for indices.
+  std::uint32_t index(std::uint64_t element) const;
+
+ private:
+  const std::uint8_t* viewData(const GltfContext& context, int view, std::uint64_t offset,
+                               std::uint64_t bytes, const char* what, std::uint64_t& stride) const;
+  void applySparse(const GltfContext& context, const tinygltf::Accessor& accessor);
+
+  int number_ = 0;  ///< of the accessor, for messages
+  std::uint64_t count_ = 0, stride_ = 0, elementSize_ = 0;
+  int components_ = 0, componentType_ = 0, componentSize_ = 0;
+  bool normalized_ = false;
+  const std::uint8_t* data_ = nullptr;
+  std::vector<std::uint8_t> patched_;
+};
+
+/// Turns glTF materials and textures into ours; images are decoded for materials in use alone.
+class GltfMaterials {
+ public:
+  explicit GltfMaterials(GltfContext& context);
+
+  /// Index into Scene::materials of a glTF material, -1 for the default one. The first call for a
+  /// material converts it.
+  int use(int gltfMaterial);
+
+  /// The texture coordinate set that the textures of a material read; -1 if it has none.
+  int texCoordSet(int sceneMaterial) const { return texCoordSets_[sceneMaterial]; }
+
+  /// Decodes all images that used materials refer to.
+  void loadImages();
+
+ private:
+  struct PendingImage {
+    int gltfImage;
+    bool srgb;
+  };
+
+  void convert(int index);
+  void convertExtensions(const tinygltf::Material& from, Material& to);
+  Texture texture(int index, int texCoord, const tinygltf::ExtensionMap& extensions, bool srgb);
+  Texture textureProperty(const tinygltf::Value& object, const char* key, bool srgb);
+  int sceneImage(int gltfImage, bool srgb);
+  Image loadImage(const PendingImage& pending) const;
+  float inRange(double value, double low, double high, const char* what);
+  float number(const tinygltf::Value& object, const char* key, double fallback, double low,
+               double high);
+  vec3 color(const tinygltf::Value& object, const char* key, double high);
+  const tinygltf::Value* extension(const tinygltf::ExtensionMap& map, const char* key) const;
+
+  GltfContext& context_;
+  std::vector<bool> converted_;
+  std::vector<int> texCoordSets_;
+  std::vector<PendingImage> pending_;  ///< by index into Scene::images
+  std::map<int, int> imageIndex_;      ///< glTF image to scene image
+  int currentSet_ = -1;                ///< of the material being converted
+  std::string currentName_;
+  int defaultMaterial_ = kNone;
+};
+
+/// Turns primitives into meshes; equal ones are stored once.
+class GltfMeshes {
+ public:
+  GltfMeshes(GltfContext& context, GltfMaterials& materials)
+      : context_(context), materials_(materials) {}
+
+  /// Indices into Scene::meshes of the triangle primitives of a glTF mesh.
+  const std::vector<int>& use(int gltfMesh);
+
+ private:
+  int primitive(const tinygltf::Primitive& p, const std::string& where, const std::string& name);
+  void readGeometry(const tinygltf::Primitive& p, int texCoordSet, const std::string& where,
+                    Mesh& mesh);
+  std::vector<std::uint32_t> readIndices(const tinygltf::Primitive& p, std::uint64_t vertices,
+                                         const std::string& where) const;
+
+  GltfContext& context_;
+  GltfMaterials& materials_;
+  std::map<int, std::vector<int>> done_;
+  std::map<std::string, int> byGeometry_;
+  std::map<std::pair<int, int>, int> byMaterial_;  ///< (first mesh of the geometry, material)
+};
+
+}  // namespace trex::detail

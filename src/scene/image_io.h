@@ -1,0 +1,31 @@
+// Decoding image files with OpenImageIO.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "src/scene/scene.h"
+
+namespace trex::detail {
+
+/// Largest number of texels of one image; its bytes are allocated from the header.
+inline constexpr std::int64_t kMaxTexels = std::int64_t(1) << 28;
+
+/// Reads a whole file. Throws Error(kInput) with `what` in front if it can't be read, is a folder
+/// or is larger than `limit` bytes.
+std::vector<std::uint8_t> readWholeFile(const std::filesystem::path& path, const std::string& what,
+                                        std::uint64_t limit = std::uint64_t(1) << 31);
+
+/// Decodes a PNG, JPEG, ... held in memory. 8-bit files stay as they are (alpha not premultiplied);
+/// deeper ones become floats, decoded from sRGB if `srgb`, unless their format is linear anyway.
+/// Throws Error(kInput) that starts with `name`. Thread safe: one image is decoded at a time.
+Image decodeImage(std::span<const std::uint8_t> file, const std::string& name, bool srgb);
+
+/// As above for a file on disk, read as floats with three channels; for environments.
+/// `maxWidth` limits both sides.
+Image readFloatImage(const std::filesystem::path& path, int maxWidth);
+
+}  // namespace trex::detail

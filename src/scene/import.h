@@ -1,0 +1,55 @@
+// Reading models: .gltf .glb .ply .obj. Every file may be hostile; sizes are checked before use.
+//
+// glTF 2.0: triangles, strips and fans, all index and sparse accessors, vertex colours, node
+// transforms and instances, cameras, images (files, data URIs, buffer views), and of the extensions
+// KHR_lights_punctual, KHR_materials_{emissive_strength, specular, ior, transmission, volume,
+// unlit}, KHR_texture_transform, KHR_mesh_quantization, EXT_texture_webp. A required extension that
+// is not in this list is an error that names it; one that is only used is a warning.
+//
+// PLY: ASCII and binary of both byte orders; x y z (float or double), nx ny nz, (s t | u v |
+// texture_u texture_v), red green blue [alpha] (integers are sRGB bytes); polygons become fans.
+// OBJ: v (with colours), vt, vn, f with negative indices, o, g, usemtl, mtllib; see mtl.h for
+// materials. Both count texture rows from the bottom; v is flipped on import. A PLY or OBJ surface
+// without a material is Lambertian grey, 0.6 (white if it has vertex colours); a glTF one is the
+// white rough metal that the standard asks for.
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "src/scene/scene.h"
+
+namespace trex {
+
+struct ImportOptions {
+  bool loadTextures = true;
+  bool environmentGiven = false;  ///< the caller sets Scene::environment itself: no default sky
+};
+
+/// Reads a model by its extension. Throws Error(kInput) that names the file, what is wrong in it
+/// and where. Triangles with a non-finite vertex are dropped and counted; a scene without any
+/// triangle is an error. A model with no light gets a soft sky, one with no camera a framing
+/// camera; both are said in Scene::warnings. Each warning is also logged once. Thread safe.
+Scene importScene(const std::filesystem::path& path, const ImportOptions& options = {});
+
+/// True if anything shines: an emissive material that an instance uses, a light, or the
+/// environment.
+bool hasLight(const Scene& scene);
+
+/// What importScene does last: a sky of constant radiance if nothing shines (unless
+/// environmentGiven) and a framing camera if there is none. For scenes made without a file.
+void addDefaultLightAndCamera(Scene& scene, bool environmentGiven);
+
+/// Parses "R,G,B" (radiance, W/sr/m^2, not negative) or a file name (latitude-longitude .hdr or
+/// .exr, at most 32768 wide) into an environment. Non-finite and negative texels become 0 with a
+/// warning. Throws Error(kUsage) for a malformed triple, Error(kInput) for a bad file.
+Environment parseEnvironment(const std::string& text);
+
+/// Parses "NAME" (a camera of the scene) or "EYE/TARGET/UP/VFOV": three comma-separated triples in
+/// metres and the vertical field of view in degrees, in (0, 180). Throws Error(kUsage).
+Camera parseCamera(const std::string& text, const Scene& scene);
+
+/// A camera that sees the whole box from the front (+z), slightly above.
+Camera framingCamera(const Box3d& bounds);
+
+}  // namespace trex

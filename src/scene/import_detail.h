@@ -1,0 +1,57 @@
+// What the readers of src/scene share. Not for other folders.
+#pragma once
+
+#include <cstddef>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "src/core/error.h"
+#include "src/scene/import.h"
+
+namespace trex::detail {
+
+/// Largest number of vertices or triangles of one mesh: indices are 32 bits wide.
+inline constexpr std::uint64_t kMaxElements = 0xfffffff0u;
+
+Scene readGltf(const std::filesystem::path& path, const ImportOptions& options);
+Scene readPly(const std::filesystem::path& path);
+Scene readObj(const std::filesystem::path& path, const ImportOptions& options);
+
+/// Lambertian grey: what a surface without a material looks like.
+Material defaultMaterial();
+
+/// Drops triangles with non-finite vertices (counted in the scene), makes normals unit length
+/// (unusable ones become the face's), and non-finite texture coordinates 0. Throws Error(kInput) if
+/// an index is out of range; `where` names the file and the mesh.
+void sanitiseMesh(Scene& scene, Mesh& mesh, const std::string& where);
+
+/// Removes meshes without triangles and their instances; fails if none is left.
+void removeEmptyMeshes(Scene& scene);
+
+/// Turns double positions into floats around the first finite one, which keeps the detail of a
+/// model far from the world's origin. Used for all meshes of a file, so that shared edges stay
+/// shared.
+class LocalFrame {
+ public:
+  vec3 toLocal(const dvec3& p) {
+    if (!set_ && isFinite(vec3(p))) {
+      origin_ = dvec3(vec3(p));
+      set_ = true;
+    }
+    return vec3(p - origin_);
+  }
+  const dvec3& origin() const { return origin_; }
+
+ private:
+  bool set_ = false;
+  dvec3 origin_{0.0};
+};
+
+/// The sRGB transfer function, [0, 1] to [0, 1] (IEC 61966-2-1).
+float srgbToLinear(float encoded);
+
+/// [0, 1] to 0..255, rounded; not-a-number becomes 0.
+std::uint8_t toUnorm8(float value);
+
+}  // namespace trex::detail

@@ -1,0 +1,106 @@
+#include "src/scene/input_file.h"
+
+#include <charconv>
+#include <cstring>
+#include <limits>
+
+#include "src/core/error.h"
+
+namespace trex::detail {
+namespace {
+
+constexpr std::size_t kBufferSize = std::size_t(1) << 18;
+
+bool isBlank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
+
+}  // namespace
+
+InputFile::InputFile(const std::filesystem::path& path) : name_(path.string()) {
+  std::error_code error;
+  const auto status = std::filesystem::status(path, error);
+  if (!std::filesystem::exists(status)) fail(ExitCode::kInput, "{}: no such file", name_);
+  if (!std::filesystem::is_regular_file(status)) {
+    fail(ExitCode::kInput, "{}: not a plain file", name_);
+  }
+  fileLeft_ = std::filesystem::file_size(path, error);
+  file_.reset(std::fopen(name_.c_str(), "rb"));
+  if (error || !file_) fail(ExitCode::kInput, "{}: can't be opened for reading", name_);
+  buffer_.resize(kBufferSize);
+}
+
+bool InputFile::refill() {
+  if (at_ > 0) std::memmove(buffer_.data(), buffer_.data() + at_, filled_ - at_);
+  filled_ -= at_;
+  at_ = 0;
+  if (filled_ == buffer_.size()) buffer_.resize(buffer_.size() * 2);
+  const std::size_t got =
+      std::fread(buffer_.data() + filled_, 1, buffer_.size() - filled_, file_.get());
+  filled_ += got;
+  // A file that grows while it is read must not make `remaining` wrap around.
+  fileLeft_ = got == 0 ? 0 : fileLeft_ - std::min<std::uint64_t>(fileLeft_, got);
+  return got > 0;
+}
+
+void InputFile::require(std::size_t count) {
+  while (filled_ - at_ < count) {
+    if (!refill()) fail(ExitCode::kInput, "{}: the file ends too early (truncated)", name_);
+  }
+}
+
+bool InputFile::readLine(std::string_view& line) {
+  std::size_t searched = 0;
+  for (;;) {
+    const std::uint8_t* start = buffer_.data() + at_;
+    const std::size_t have = filled_ - at_;
+    const void* found = std::memchr(start + searched, '\n', have - searched);
+    const bool whole = found != nullptr;
+    if (!whole && have <= kMaxLine) {
+      searched = have;
+      if (refill()) continue;
+      if (have == 0) return false;
+    }
+    start = buffer_.data() + at_;
+    std::size_t length =
+        whole ? static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - start) : have;
+    ++line_;
+    if (length > kMaxLine) fail(ExitCode::kInput, "{}:{}: line too long", name_, line_);
+    at_ += length + (whole ? 1 : 0);
+    if (length > 0 && start[length - 1] == '\r') --length;
+    line = {reinterpret_cast<const char*>(start), length};
+    return true;
+  }
+}
+
+std::string_view nextWord(std::string_view& text) {
+  std::size_t start = 0;
+  while (start < text.size() && isBlank(text[start])) ++start;
+  std::size_t end = start;
+  while (end < text.size() && !isBlank(text[end])) ++end;
+  const std::string_view word = text.substr(start, end - start);
+  text.remove_prefix(end);
+  return word;
+}
+
+bool parseDouble(std::string_view word, double& value) {
+  if (!word.empty() && word.front() == '+') word.remove_prefix(1);
+  const char* end = word.data() + word.size();
+  const auto [at, error] = std::from_chars(word.data(), end, value);
+  if (at != end || word.empty()) return false;
+  if (error == std::errc::result_out_of_range) {
+    // Too large or too small for double: the sign of the exponent tells which.
+    const bool tiny = word.find("e-") != word.npos || word.find("E-") != word.npos ||
+                      word.find_first_of("eE") == word.npos;
+    value = tiny ? 0.0 : std::numeric_limits<double>::infinity();
+    return true;
+  }
+  return error == std::errc();
+}
+
+bool parseInteger(std::string_view word, std::int64_t& value) {
+  if (!word.empty() && word.front() == '+') word.remove_prefix(1);
+  const char* end = word.data() + word.size();
+  const auto [at, error] = std::from_chars(word.data(), end, value);
+  return at == end && !word.empty() && error == std::errc();
+}
+
+}  // namespace trex::detail

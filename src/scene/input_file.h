@@ -1,0 +1,61 @@
+// A file read once from front to back in bounded memory.
+#pragma once
+
+#include <cstdint>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace trex::detail {
+
+class InputFile {
+ public:
+  /// Longest line that readLine returns, bytes.
+  static constexpr std::size_t kMaxLine = std::size_t(1) << 24;
+
+  /// Opens a plain file; throws Error(kInput) otherwise.
+  explicit InputFile(const std::filesystem::path& path);
+
+  const std::string& name() const { return name_; }
+  std::uint64_t remaining() const { return fileLeft_ + (filled_ - at_); }
+  std::uint64_t lineNumber() const { return line_; }  ///< of the line last read, from 1
+
+  /// Next line without its end ("\n" or "\r\n"), valid until the next read; false at the end.
+  bool readLine(std::string_view& line);
+
+  /// The next `count` bytes (at most 64), valid until the next read. Throws Error(kInput) if the
+  /// file ends before.
+  const std::uint8_t* take(std::size_t count) {
+    if (filled_ - at_ < count) require(count);
+    const std::uint8_t* p = buffer_.data() + at_;
+    at_ += count;
+    return p;
+  }
+
+ private:
+  struct Close {
+    void operator()(std::FILE* f) const { std::fclose(f); }
+  };
+
+  bool refill();
+  void require(std::size_t count);
+
+  std::string name_;
+  std::unique_ptr<std::FILE, Close> file_;
+  std::uint64_t fileLeft_ = 0;
+  std::uint64_t line_ = 0;
+  std::size_t at_ = 0, filled_ = 0;
+  std::vector<std::uint8_t> buffer_;
+};
+
+/// Takes the next word off the front of `text`; empty at the end. Words end at blanks and tabs.
+std::string_view nextWord(std::string_view& text);
+
+/// Parses a whole word as a number ("nan" and "inf" included). False if it is none.
+bool parseDouble(std::string_view word, double& value);
+bool parseInteger(std::string_view word, std::int64_t& value);
+
+}  // namespace trex::detail

@@ -1,0 +1,118 @@
+// What every reader does to a mesh before it enters the scene.
+#include <algorithm>
+
+#include "src/scene/import_detail.h"
+
+namespace trex::detail {
+namespace {
+
+void checkIndices(const Mesh& mesh, const std::string& where) {
+  const std::size_t vertices = mesh.positions.size();
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
+    const glm::uvec3& t = mesh.triangles[i];
+    const std::uint32_t most = std::max({t.x, t.y, t.z});
+    if (most >= vertices) {
+      fail(ExitCode::kInput, "{}: triangle {} refers to vertex {}, but there are {}", where, i,
+           most, vertices);
+    }
+  }
+}
+
+void dropNonFinite(Scene& scene, Mesh& mesh) {
+  const auto finite = [&](const vec3& p) { return isFinite(p); };
+  const auto good = std::find_if(mesh.positions.begin(), mesh.positions.end(), finite);
+  const vec3 replacement = good == mesh.positions.end() ? vec3(0.0f) : *good;
+  const auto bad = [&](const glm::uvec3& t) {
+    return !finite(mesh.positions[t.x]) || !finite(mesh.positions[t.y]) ||
+           !finite(mesh.positions[t.z]);
+  };
+  if (std::all_of(mesh.positions.begin(), mesh.positions.end(), finite)) return;
+  scene.droppedTriangles += std::erase_if(mesh.triangles, bad);
+  for (vec3& p : mesh.positions) {
+    if (!finite(p)) p = replacement;
+  }
+}
+
+/// Returns the number of normals that were unusable.
+std::uint64_t fixNormals(Mesh& mesh) {
+  std::vector<bool> broken;
+  for (std::size_t i = 0; i < mesh.normals.size(); ++i) {
+    vec3& n = mesh.normals[i];
+    const float length2 = glm::dot(n, n);
+    if (length2 >= 1e-30f && length2 <= 1e30f) {
+      // Leave bits alone that are unit to rounding already.
+      if (std::abs(length2 - 1.0f) > 1e-6f) n *= 1.0f / std::sqrt(length2);
+      continue;
+    }
+    if (broken.empty()) broken.resize(mesh.normals.size());
+    broken[i] = true;
+    n = vec3(0.0f);
+  }
+  if (broken.empty()) return 0;
+  for (const glm::uvec3& t : mesh.triangles) {
+    const vec3& a = mesh.positions[t.x];
+    const vec3 face = glm::cross(mesh.positions[t.y] - a, mesh.positions[t.z] - a);
+    for (int k = 0; k < 3; ++k) {
+      if (broken[t[k]]) mesh.normals[t[k]] += face;
+    }
+  }
+  for (std::size_t i = 0; i < mesh.normals.size(); ++i) {
+    if (!broken[i]) continue;
+    const vec3 n = mesh.normals[i];
+    const float largest = std::max({std::abs(n.x), std::abs(n.y), std::abs(n.z)});
+    const bool usable = largest > 0.0f && std::isfinite(largest);
+    mesh.normals[i] = usable ? glm::normalize(n / largest) : vec3(0.0f, 1.0f, 0.0f);
+  }
+  return static_cast<std::uint64_t>(std::count(broken.begin(), broken.end(), true));
+}
+
+}  // namespace
+
+void sanitiseMesh(Scene& scene, Mesh& mesh, const std::string& where) {
+  checkIndices(mesh, where);
+  dropNonFinite(scene, mesh);
+  if (const std::uint64_t count = fixNormals(mesh); count > 0) {
+    scene.warnings.push_back(
+        fmt::format("{}: {} unusable normals replaced by those of the faces", where, count));
+  }
+  std::uint64_t badCoords = 0;
+  for (vec2& uv : mesh.texCoords) {
+    if (std::isfinite(uv.x) && std::isfinite(uv.y)) continue;
+    uv = vec2(0.0f);
+    ++badCoords;
+  }
+  if (badCoords > 0) {
+    scene.warnings.push_back(
+        fmt::format("{}: {} non-finite texture coordinates set to 0", where, badCoords));
+  }
+}
+
+void removeEmptyMeshes(Scene& scene) {
+  std::vector<int> newIndex(scene.meshes.size(), kNone);
+  int kept = 0;
+  for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
+    if (!scene.meshes[i].triangles.empty()) newIndex[i] = kept++;
+  }
+  if (kept == static_cast<int>(scene.meshes.size()) && kept > 0) return;
+  for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
+    if (newIndex[i] == kNone) continue;
+    Mesh& mesh = scene.meshes[i];
+    // Equal geometry is empty together, so the earlier mesh is kept whenever this one is.
+    if (mesh.sameGeometryAs != kNone) mesh.sameGeometryAs = newIndex[mesh.sameGeometryAs];
+    if (newIndex[i] != static_cast<int>(i)) scene.meshes[newIndex[i]] = std::move(mesh);
+  }
+  scene.meshes.resize(kept);
+  std::erase_if(scene.instances, [&](const Instance& i) { return newIndex[i.mesh] == kNone; });
+  for (Instance& instance : scene.instances) instance.mesh = newIndex[instance.mesh];
+}
+
+float srgbToLinear(float encoded) {
+  return encoded <= 0.04045f ? encoded / 12.92f : std::pow((encoded + 0.055f) / 1.055f, 2.4f);
+}
+
+std::uint8_t toUnorm8(float value) {
+  if (!(value > 0.0f)) return 0;
+  return static_cast<std::uint8_t>(std::min(value, 1.0f) * 255.0f + 0.5f);
+}
+
+}  // namespace trex::detail

@@ -1,0 +1,139 @@
+// The scene as imported: meshes stored once, instances that place them, materials, images, lights
+// and cameras. Plain data: import fills it, edits change it, everything else reads it.
+//
+// Units: metres, radiometric RGB in linear Rec. 709; angles in radians. Right-handed, y up (glTF).
+// World positions are double; meshes hold floats around a double origin of their own, so that a
+// model far from the world's origin keeps its detail.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "src/core/maths.h"
+
+namespace trex {
+
+inline constexpr int kNone = -1;
+
+/// An 8-bit or float image in memory. Rows go from top to bottom, as in glTF.
+struct Image {
+  std::string name;  ///< file name or "image 3 of model.glb", for messages
+  int width = 0, height = 0;
+  int channels = 0;                 ///< 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha
+  std::vector<std::uint8_t> bytes;  ///< width*height*channels, if 8-bit
+  std::vector<float> floats;        ///< width*height*channels, if of higher precision (linear)
+};
+
+/// How a texture is read from an image. uv is transformed by offset + rotate(scale * uv)
+/// (KHR_texture_transform), wrapped, and sampled bilinearly; (0, 0) is the upper left corner.
+struct Texture {
+  enum class Wrap : std::uint8_t { kRepeat, kMirror, kClamp };
+  int image = kNone;
+  Wrap wrapS = Wrap::kRepeat, wrapT = Wrap::kRepeat;
+  vec2 offset{0.0f}, scale{1.0f};
+  float rotation = 0.0f;
+  bool present() const { return image != kNone; }
+};
+
+enum class AlphaMode : std::uint8_t { kOpaque, kMask, kBlend };
+
+/// glTF metallic-roughness with the KHR extensions we support. Factors multiply textures.
+struct Material {
+  std::string name;
+  vec4 baseColor{1.0f};  ///< linear, [0, 1]
+  float metallic = 1.0f, roughness = 1.0f;
+  vec3 emission{0.0f};  ///< emissiveFactor * emissiveStrength, radiance
+  float normalScale = 1.0f;
+  AlphaMode alphaMode = AlphaMode::kOpaque;
+  float alphaCutoff = 0.5f;
+  bool doubleSided = false;  ///< emission from both sides; surfaces always scatter on both
+  bool unlit = false;        ///< KHR_materials_unlit: radiance is the base colour
+  float specular = 1.0f;     ///< KHR_materials_specular; 0 makes the dielectric Lambertian
+  vec3 specularColor{1.0f};
+  float ior = 1.5f;
+  float transmission = 0.0f;
+  bool volume = false;  ///< KHR_materials_volume with thickness > 0: refracts; else thin
+  vec3 attenuationColor{1.0f};
+  float attenuationDistance = kInfinity;  ///< metres
+  Texture baseColorTexture;               ///< sRGB, alpha in the fourth channel
+  Texture metallicRoughnessTexture;       ///< G roughness, B metallic
+  Texture normalTexture, emissiveTexture;
+  Texture transmissionTexture;   ///< R
+  Texture specularTexture;       ///< A
+  Texture specularColorTexture;  ///< sRGB
+  bool emits() const { return emission.x > 0.0f || emission.y > 0.0f || emission.z > 0.0f; }
+};
+
+/// Triangles of one material. Arrays are either empty or as long as positions.
+struct Mesh {
+  std::string name;
+  dvec3 origin{0.0};  ///< added to every position
+  std::vector<vec3> positions;
+  std::vector<glm::uvec3> triangles;  ///< indices into positions, all in range
+  std::vector<vec3> normals;          ///< unit; empty: flat faces
+  std::vector<vec2> texCoords;
+  std::vector<glm::u8vec4> colors;  ///< linear RGBA, multiplies the base colour
+  int material = 0;                 ///< index into Scene::materials, always valid
+  int sameGeometryAs = kNone;       ///< earlier mesh with equal arrays and another material
+};
+
+/// One placement of a mesh. The transform is finite and invertible. A mirroring transform (negative
+/// determinant) keeps the side that is the front in the mesh (glTF 2.0, 3.7.4).
+struct Instance {
+  std::string name;
+  int mesh = 0;
+  dmat4 transform{1.0};  ///< mesh (origin included) to world
+  int object = 0;        ///< index of the node it came from
+};
+
+struct Light {
+  enum class Type : std::uint8_t { kPoint, kSpot, kDirectional };
+  Type type = Type::kPoint;
+  std::string name;
+  dvec3 position{0.0};
+  vec3 direction{0.0f, 0.0f, -1.0f};  ///< the light travels this way; unit
+  vec3 intensity{1.0f};               ///< W/sr (point, spot), W/m^2 (directional); colour included
+  float range = kInfinity;
+  float innerConeAngle = 0.0f, outerConeAngle = 0.785398f;
+};
+
+/// A pinhole camera. World to image: right, up, -forward as in glTF.
+struct Camera {
+  std::string name;
+  dvec3 eye{0.0};
+  vec3 forward{0.0f, 0.0f, -1.0f}, up{0.0f, 1.0f, 0.0f};  ///< orthonormal
+  float verticalFov = 0.7f;                               ///< radians
+  bool orthographic = false;
+  float orthographicHeight = 1.0f;  ///< metres, whole height
+};
+
+/// What surrounds the scene. Radiance towards the scene; black by default.
+struct Environment {
+  vec3 color{0.0f};  ///< of a constant sky; the factor of a map
+  std::shared_ptr<const Image>
+      map;  ///< latitude-longitude, +y up, three float channels; may be null
+  bool present() const { return map != nullptr || color.x > 0 || color.y > 0 || color.z > 0; }
+};
+
+struct Scene {
+  std::string source;  ///< path as given
+  std::vector<Mesh> meshes;
+  std::vector<Instance> instances;
+  std::vector<Material> materials;  ///< at least one
+  std::vector<Image> images;
+  std::vector<Light> lights;
+  std::vector<Camera> cameras;  ///< at least one after importScene
+  Environment environment;
+  std::vector<std::string> objects;    ///< names by object id
+  std::vector<std::string> warnings;   ///< said once on import
+  std::uint64_t droppedTriangles = 0;  ///< with non-finite vertices
+
+  std::uint64_t triangleCount() const;        ///< instances counted each time
+  std::uint64_t uniqueTriangleCount() const;  ///< meshes of equal geometry counted once
+  Box3d bounds() const;                       ///< of all instances, tight; empty for an empty scene
+};
+
+}  // namespace trex

@@ -1,0 +1,20 @@
+// Texture look-ups. All results are linear.
+#pragma once
+
+#include "src/scene/scene.h"
+
+namespace trex {
+
+/// Bilinear sample of image through texture at uv, with texel centres at (i + 0.5) / size. Grey
+/// images fill red, green and blue; missing alpha is 1. With srgb, 8-bit RGB texels are decoded
+/// before filtering (float images are linear already). A non-finite uv reads as 0. Thread safe.
+vec4 sampleTexture(const Image& image, const Texture& texture, vec2 uv, bool srgb);
+
+/// Mean of the texture over its image (linear), for light selection.
+vec4 textureMean(const Image& image, bool srgb);
+
+/// uv after KHR_texture_transform: offset + rotation * (scale * uv), where a positive rotation
+/// turns counter-clockwise as seen with v pointing down.
+vec2 transformUv(const Texture& texture, vec2 uv);
+
+}  // namespace trex

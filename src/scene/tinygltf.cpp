@@ -1,0 +1,3 @@
+// The implementation of the header-only tinygltf, once.
+#define TINYGLTF_IMPLEMENTATION
+#include "src/scene/gltf_detail.h"

@@ -1,0 +1,57 @@
+#include "src/session/light_pass.h"
+
+#include <algorithm>
+#include <bit>
+#include <chrono>
+#include <cmath>
+
+namespace trex {
+namespace {
+
+constexpr std::uint64_t kBatch = 1u << 18;      // photons landed at a time
+constexpr std::uint64_t kMostPhotons = 1u << 31;  // photon numbers are 32 bits wide
+/// Counts of the largest photon: 2^31 photons x 2^6 deposits x 2^20 counts stay below 2^63.
+constexpr double kLargestCounts = 1u << 20;
+
+}  // namespace
+
+std::uint64_t photonTarget(std::uint32_t sample, std::uint64_t pixels) {
+  const std::uint64_t base = std::clamp<std::uint64_t>(pixels, 1u << 14, 1u << 20);
+  const std::uint64_t rounds = 1 + std::bit_floor(sample) / 2;
+  return std::min(base * rounds, kMostPhotons);
+}
+
+LightPass::LightPass(const Scene& scene, const RayScene& rays, const LightSet& lights,
+                     GRayTracer& device, LightCache& cache, std::uint32_t seed)
+    : scene_(scene), rays_(rays), lights_(lights), device_(device), cache_(cache), seed_(seed) {
+  const Box3f bounds = rays.bounds();
+  const double radius = bounds.empty() ? 1.0 : 0.5 * glm::length(dvec3(bounds.size()));
+  const double sphere = 4.0 * std::numbers::pi * radius * radius;
+  if (lights.totalPower() > 0.0 && sphere > 0.0) scale_ = lights.totalPower() / sphere;
+  unit_ = static_cast<double>(lights.largestPhotonPower()) / scale_ / kLargestCounts;
+}
+
+bool LightPass::run(std::uint64_t target) {
+  if (target <= emitted_ || !lights_.anyPower()) return false;
+  const auto start = std::chrono::steady_clock::now();
+  std::vector<shaderio::PhotonRecord> records;
+  const auto inverse = static_cast<float>(1.0 / scale_);
+  while (emitted_ < target) {
+    const std::uint64_t count = std::min(kBatch, target - emitted_);
+    records.clear();
+    for (const LandedPhoton& p : landPhotons(scene_, rays_, lights_, seed_, emitted_, count)) {
+      records.push_back({p.position, cache_.tracer().asvoOctEncode(p.normal), p.power * inverse,
+                         p.index});
+    }
+    if (!records.empty()) device_.tracePhotons(records, unit_);
+    emitted_ += count;
+    landed_ += records.size();
+  }
+  device_.resolveLight(emitted_);
+  cache_.setLight(device_.light(), scale_);
+  const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+  seconds_ += taken.count();
+  return true;
+}
+
+}  // namespace trex

@@ -1,0 +1,44 @@
+// Photons, progressively: before some samples more of them are shot, the voxels' light is resolved,
+// and the guess reads it from then on.
+#pragma once
+
+#include <cstdint>
+
+#include "src/crays/light_cache.h"
+#include "src/crays/photons.h"
+#include "src/grays/grays.h"
+
+namespace trex {
+
+/// Photons that should have been emitted before sample number `sample` of a picture of `pixels`
+/// pixels. Depends on nothing else, so that equal samples see equal light; constant between powers of
+/// two, so that resolving costs little; about a third of the work of gathering.
+std::uint64_t photonTarget(std::uint32_t sample, std::uint64_t pixels);
+
+class LightPass {
+ public:
+  LightPass(const Scene& scene, const RayScene& rays, const LightSet& lights, GRayTracer& device,
+            LightCache& cache, std::uint32_t seed);
+
+  /// Shoots what is missing up to `target` photons in all and resolves. True if anything was done.
+  bool run(std::uint64_t target);
+
+  std::uint64_t emitted() const { return emitted_; }
+  std::uint64_t landed() const { return landed_; }
+  double seconds() const { return seconds_; }
+  /// W/m^2 in one unit of the device's irradiance: the mean over the scene's sphere, so that the
+  /// stored half-precision values lie around one whatever the lights' power.
+  double scale() const { return scale_; }
+
+ private:
+  const Scene& scene_;
+  const RayScene& rays_;
+  const LightSet& lights_;
+  GRayTracer& device_;
+  LightCache& cache_;
+  std::uint32_t seed_;
+  double scale_ = 1.0, unit_ = 1.0, seconds_ = 0.0;
+  std::uint64_t emitted_ = 0, landed_ = 0;
+};
+
+}  // namespace trex

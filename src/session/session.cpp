@@ -1,0 +1,250 @@
+#include "src/session/session.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <chrono>
+#include <optional>
+
+#include "src/core/error.h"
+#include "src/core/log.h"
+#include "src/core/memory.h"
+#include "src/session/light_pass.h"
+#include "src/session/voxel_source.h"
+
+namespace trex {
+namespace {
+
+constexpr std::uint32_t kTileSize = 64;
+
+double now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+/// Leaves are no finer than the picture can show: 256 along the cube from 256 pixels on.
+int voxelDepth(const RenderSettings& settings) {
+  const std::uint64_t pixels = std::uint64_t{settings.width} * settings.height;
+  return pixels >= 40'000 ? 8 : pixels >= 10'000 ? 7 : 6;
+}
+
+}  // namespace
+
+/// The approximate side: present only where a guess is asked for.
+struct Session::VoxelPart {
+  asvo::Tree tree;
+  std::unique_ptr<GRayTracer> device;
+  std::unique_ptr<LightCache> cache;
+  std::unique_ptr<LightPass> light;
+};
+
+/// A tile between its two stages.
+struct Session::TileWork {
+  Tile tile{};
+  std::uint32_t sample = 0;
+  std::vector<PathSample> paths;                  ///< by pixel, row by row
+  std::vector<std::uint8_t> paired;
+  std::vector<std::vector<ConeRequest>> rows;     ///< cones by row, in the order of pixels
+  std::vector<shaderio::GatherQuery> queries;
+  std::optional<int> ticket;
+  bool full = false;
+};
+
+Session::Session(Scene scene, const Camera& camera, const RenderSettings& settings)
+    : settings_(settings),
+      scene_(std::move(scene)),
+      frame_(settings.width, settings.height, settings.exact > 0.0 && settings.exact < 1.0),
+      tiles_(makeTiles(settings.width, settings.height, kTileSize)) {
+  double mark = now();
+  rays_ = std::make_unique<RayScene>(scene_);
+  lights_ = std::make_unique<LightSet>(scene_, rays_->renderOrigin(), rays_->bounds());
+  report_.mesh = rays_->statistics();
+  report_.meshSeconds = now() - mark;
+  GuessOptions guess;
+  if (settings_.exact < 1.0 && lights_->anyPower()) {
+    prepareVoxels();
+    guess.cache = voxels_->cache.get();
+    guess.cones = settings_.guess == GuessKind::kCone ||
+                  (settings_.guess == GuessKind::kAuto && !voxels_->device->sharesHostCores());
+    report_.cones = guess.cones;
+  }
+  camera_ = std::make_unique<CameraRays>(camera, rays_->renderOrigin(), settings_.width,
+                                         settings_.height);
+  integrator_ = std::make_unique<Integrator>(scene_, *rays_, *lights_, *camera_, guess,
+                                             settings_.seed);
+  // From here on rays see the compressed mesh and the voxels; the source's arrays would only cost.
+  for (Mesh& mesh : scene_.meshes) {
+    mesh.positions = {};
+    mesh.triangles = {};
+    mesh.normals = {};
+    mesh.texCoords = {};
+    mesh.colors = {};
+  }
+}
+
+Session::~Session() = default;
+
+void Session::prepareVoxels() {
+  double mark = now();
+  voxels_ = std::make_unique<VoxelPart>();
+  asvo::BuildOptions options;
+  options.depth = voxelDepth(settings_);
+  voxels_->tree = asvo::Tree::build(VoxelSource(scene_, rays_->renderOrigin()), options);
+  const asvo::Tree& tree = voxels_->tree;
+  report_.voxels = tree.info.nodeCount;
+  report_.leaves = tree.info.leafCount;
+  report_.voxelDepth = static_cast<int>(tree.info.depth);
+  report_.voxelBytes = tree.nodes.size() * sizeof(asvo::uvec2) +
+                       (tree.voxels.size() + tree.leaves.size()) * sizeof(asvo::uvec4);
+  report_.voxelSeconds = now() - mark;
+
+  mark = now();
+  const auto materials = photonMaterials(scene_);
+  voxels_->device = settings_.device == RenderSettings::kNoDevice
+                        ? makeCpuTracer(tree, materials)
+                        : makeVulkanTracer(tree, materials, settings_.device);
+  voxels_->cache = std::make_unique<LightCache>(tree);
+  voxels_->light = std::make_unique<LightPass>(scene_, *rays_, *lights_, *voxels_->device,
+                                               *voxels_->cache, settings_.seed);
+  report_.device = voxels_->device->name();
+  report_.deviceSeconds = now() - mark;
+}
+
+void Session::run(const KeepGoing& keepGoing) {
+  start_ = now();
+  while (!goalReached(report_.samplesDone) && pass(report_.samplesDone, keepGoing)) {
+    ++report_.samplesDone;
+  }
+  report_.renderSeconds = elapsed();
+}
+
+/// One more sample of every pixel. False if it was cut short.
+bool Session::pass(std::uint32_t sample, const KeepGoing& keepGoing) {
+  if (voxels_) {
+    voxels_->light->run(photonTarget(sample, std::uint64_t{settings_.width} * settings_.height));
+  }
+  TileWork works[2];
+  for (tilesDone_ = 0; tilesDone_ < tiles_.size(); ++tilesDone_) {
+    if (!keepGoing(progress()) || (settings_.seconds > 0.0 && elapsed() >= settings_.seconds)) {
+      merge(works[(tilesDone_ + 1) % 2]);
+      return false;
+    }
+    trace(tiles_[tilesDone_], sample, works[tilesDone_ % 2]);
+    merge(works[(tilesDone_ + 1) % 2]);
+  }
+  merge(works[(tilesDone_ + 1) % 2]);
+  return true;
+}
+
+/// First stage: C-rays of a tile on all CPU threads; its cones start on the device.
+void Session::trace(const Tile& tile, std::uint32_t sample, TileWork& work) {
+  work.tile = tile;
+  work.sample = sample;
+  work.full = true;
+  work.paths.assign(std::size_t{tile.width} * tile.height, PathSample{});
+  work.paired.assign(work.paths.size(), 0);
+  work.rows.resize(tile.height);
+  std::vector<RayCounts> counts(tile.height);
+  tbb::parallel_for(0u, tile.height, [&](std::uint32_t row) {
+    work.rows[row].clear();
+    for (std::uint32_t column = 0; column < tile.width; ++column) {
+      const std::uint32_t x = tile.x + column, y = tile.y + row;
+      const std::uint32_t i = row * tile.width + column;
+      const double offset = toUnitFloat(hashCombine(hashCombine(x, y), settings_.seed));
+      const bool exact = voxels_ && takesExact(sample, settings_.exact, offset);
+      work.paired[i] = exact;
+      work.paths[i] = integrator_->sample(x, y, settings_.width, sample, exact, i, work.rows[row],
+                                          counts[row]);
+    }
+  });
+  for (const RayCounts& c : counts) report_.rays.add(c);
+  work.queries.clear();
+  for (const auto& row : work.rows) {
+    for (const ConeRequest& r : row) {
+      work.queries.push_back({r.origin, r.tanHalf, r.direction, r.tmin, r.tmax, r.jitter,
+                              r.shadow ? shaderio::kQueryShadow : 0u, 0u});
+    }
+  }
+  work.ticket.reset();
+  if (!work.queries.empty()) work.ticket = voxels_->device->submitGather(work.queries);
+}
+
+/// Second stage: the device's answers join their pixels, the samples enter the frame.
+void Session::merge(TileWork& work) {
+  if (!work.full) return;
+  work.full = false;
+  if (work.ticket) {
+    const auto scale = static_cast<float>(voxels_->light->scale());
+    const auto results = voxels_->device->finishGather(*work.ticket);
+    std::size_t next = 0;
+    for (const auto& row : work.rows) {
+      for (const ConeRequest& r : row) {
+        const shaderio::GatherResult& answer = results[next++];
+        work.paths[r.pixel].guess +=
+            r.weight * answer.radiance * scale + r.background * answer.transmittance;
+      }
+    }
+  }
+  for (std::uint32_t row = 0; row < work.tile.height; ++row) {
+    for (std::uint32_t column = 0; column < work.tile.width; ++column) {
+      const std::size_t i = std::size_t{row} * work.tile.width + column;
+      const PathSample& p = work.paths[i];
+      const vec3 exact = p.common + p.exact;
+      frame_.add(work.tile.x + column, work.tile.y + row, work.sample, p.common + p.guess,
+                 work.paired[i] ? &exact : nullptr);
+    }
+  }
+}
+
+bool Session::goalReached(std::uint32_t sample) const {
+  if (settings_.samples > 0 && sample >= settings_.samples) return true;
+  return settings_.seconds > 0.0 && elapsed() >= settings_.seconds;
+}
+
+double Session::elapsed() const { return now() - start_; }
+
+double Session::progress() const {
+  const double part = static_cast<double>(tilesDone_) / static_cast<double>(tiles_.size());
+  double done = 0.0;
+  if (settings_.samples > 0) done = (report_.samplesDone + part) / settings_.samples;
+  if (settings_.seconds > 0.0) done = std::max(done, elapsed() / settings_.seconds);
+  return std::min(done, 1.0);
+}
+
+Picture Session::picture(const PictureLayers& layers) const {
+  Picture picture;
+  picture.width = settings_.width;
+  picture.height = settings_.height;
+  picture.channels = {"R", "G", "B"};
+  if (layers.variance) {
+    for (const char* name : {"variance.R", "variance.G", "variance.B"}) {
+      picture.channels.emplace_back(name);
+    }
+  }
+  if (layers.sampleCount) picture.channels.emplace_back("sampleCount");
+  picture.values.reserve(picture.channels.size() * settings_.width * settings_.height);
+  for (std::uint32_t y = 0; y < settings_.height; ++y) {
+    for (std::uint32_t x = 0; x < settings_.width; ++x) {
+      const dvec3 mean = frame_.mean(x, y), variance = frame_.varianceOfMean(x, y);
+      for (int c = 0; c < 3; ++c) picture.values.push_back(static_cast<float>(mean[c]));
+      for (int c = 0; c < 3 && layers.variance; ++c) {
+        picture.values.push_back(static_cast<float>(variance[c]));
+      }
+      if (layers.sampleCount) picture.values.push_back(static_cast<float>(frame_.samples(x, y)));
+    }
+  }
+  return picture;
+}
+
+SessionReport Session::report() const {
+  SessionReport out = report_;
+  if (voxels_) {
+    out.photons = voxels_->light->emitted();
+    out.photonsLanded = voxels_->light->landed();
+    out.photonSeconds = voxels_->light->seconds();
+    out.lightScale = voxels_->light->scale();
+  }
+  out.nonFinite = frame_.nonFiniteCount();
+  return out;
+}
+
+}  // namespace trex

@@ -1,0 +1,99 @@
+// The session: what to do next, do it, merge it. Headless capture and the viewer drive this class.
+//
+// A frame is made of passes; a pass gives every pixel one more sample:
+//
+//   light   before some passes: photons are shot, the voxels' light is brought up to date
+//   tiles   for each tile, from the centre outwards:
+//             trace    C-rays of all its pixels on the CPU; cones they ask for go to the device
+//             merge    while the device answers, the next tile is traced; then the answers are added
+//                      and the tile's samples enter the accumulator
+//
+// The value of a sample depends on pixel, sample number and seed alone, so pictures are equal to the
+// bit for any number of threads (on a device: for any two runs on it).
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "src/crays/integrator.h"
+#include "src/frame/accumulator.h"
+#include "src/frame/image_file.h"
+#include "src/frame/tiles.h"
+#include "src/grays/grays.h"
+#include "src/scene/scene.h"
+#include "src/session/settings.h"
+
+namespace trex {
+
+class LightPass;
+
+/// Layers of a picture besides its R, G, B.
+struct PictureLayers {
+  bool variance = false;     ///< variance.R, .G, .B: of the mean
+  bool sampleCount = false;  ///< sampleCount
+};
+
+/// Seconds by phase, counts and memory, for --json and the progress line.
+struct SessionReport {
+  double meshSeconds = 0, voxelSeconds = 0, deviceSeconds = 0;  ///< set-up
+  double renderSeconds = 0, photonSeconds = 0;
+  std::uint32_t samplesDone = 0;  ///< complete passes
+  std::uint64_t photons = 0, photonsLanded = 0, nonFinite = 0;
+  RayCounts rays;
+  RayScene::Statistics mesh;
+  std::uint64_t voxels = 0, leaves = 0, voxelBytes = 0;
+  int voxelDepth = 0;
+  double lightScale = 1.0;
+  std::string device = "none";    ///< where G-rays run
+  bool cones = false;
+};
+
+class Session {
+ public:
+  /// Builds what the scene and the settings require, and nothing else. Throws Error.
+  Session(Scene scene, const Camera& camera, const RenderSettings& settings);
+  ~Session();
+
+  /// Asked between tiles; false ends the run. Gets the share of the goal that is done, [0, 1].
+  using KeepGoing = std::function<bool(double)>;
+
+  /// Renders until the samples or the seconds of the settings are reached or keepGoing says no.
+  void run(const KeepGoing& keepGoing);
+
+  /// The frame so far: R, G, B, and the layers asked for.
+  Picture picture(const PictureLayers& layers = {}) const;
+  SessionReport report() const;
+  const Accumulator& frame() const { return frame_; }
+  /// Complete passes so far.
+  std::uint32_t samplesDone() const { return report_.samplesDone; }
+
+ private:
+  struct TileWork;
+  struct VoxelPart;
+
+  void prepareVoxels();
+  bool pass(std::uint32_t sample, const KeepGoing& keepGoing);
+  void trace(const Tile& tile, std::uint32_t sample, TileWork& work);
+  void merge(TileWork& work);
+  bool goalReached(std::uint32_t sample) const;
+  double progress() const;
+  double elapsed() const;
+
+  RenderSettings settings_;
+  Scene scene_;
+  SessionReport report_;
+  std::unique_ptr<RayScene> rays_;
+  std::unique_ptr<LightSet> lights_;
+  std::unique_ptr<VoxelPart> voxels_;  ///< null where every sample is exact
+  std::unique_ptr<CameraRays> camera_;
+  std::unique_ptr<Integrator> integrator_;
+  Accumulator frame_;
+  std::vector<Tile> tiles_;
+  std::size_t tilesDone_ = 0;          ///< of the pass under way
+  double start_ = 0.0;
+};
+
+}  // namespace trex

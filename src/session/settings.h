@@ -1,0 +1,30 @@
+// What a render is asked for.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+namespace trex {
+
+/// Which rung of the ladder serves as the guess of far, wide rays.
+enum class GuessKind : std::uint8_t {
+  kAuto,  ///< cones where the device has cores of its own, else exact rays into cached light
+  kRay,   ///< G1: an exact ray that ends in cached light
+  kCone,  ///< G0: a cone through the voxels beyond the near field
+};
+
+struct RenderSettings {
+  static constexpr int kBestDevice = -1;
+  static constexpr int kNoDevice = -2;
+
+  std::uint32_t width = 640, height = 360;
+  std::uint32_t samples = 0;    ///< a pixel; 0: no limit
+  double seconds = 0.0;         ///< of rendering after set-up; 0: no limit
+  double exact = 0.0;           ///< share of samples traced exactly, [0, 1]
+  std::uint32_t seed = 0;
+  int device = kBestDevice;     ///< number of a Vulkan device, or one of the above
+  GuessKind guess = GuessKind::kAuto;
+  std::uint64_t maxMemory = 0;  ///< bytes this process may use; 0: what the machine has
+};
+
+}  // namespace trex

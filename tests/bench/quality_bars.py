@@ -1,0 +1,129 @@
+#!/usr/bin/env python3
+"""Prints the picture-quality figures of the README: exact mode against references of another renderer,
+early quality, bias of the guess, consistency of the hybrid.
+
+    tests/bench/quality_bars.py [--trex build/trex] [--only early,bias,exact,consistent] [--scenes a,b]
+                                [--runs 5] [--out FOLDER] [-- further options of trex render]
+
+Needs the folder of shared scenes and references (TREX_SHARED, else ../shared) and its Python
+environment: peers/setup.sh makes it and prints the interpreter to run this with. One JSON line a
+measurement, then a table. Pictures stay in FOLDER (default: build/quality).
+"""
+import argparse, importlib.util, json, os, statistics, subprocess, sys
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+ROOT = os.path.dirname(os.path.dirname(HERE))
+SHARED = os.environ.get("TREX_SHARED", os.path.join(os.path.dirname(ROOT), "shared"))
+ENV = {"classroom": "0.6,0.75,1.0", "living-room": "3,3.75,5"}
+SCENES = ["cornell", "veach-bidir", "veach-ajar", "staircase2", "classroom", "living-room", "sponza"]
+
+
+def quality_module():
+    path = os.path.join(SHARED, "peers", "quality.py")
+    if not os.path.exists(path):
+        sys.exit(f"skipped: no {path}; set TREX_SHARED")
+    spec = importlib.util.spec_from_file_location("quality", path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+class Runner:
+    def __init__(self, options):
+        self.options = options
+        self.quality = quality_module()
+        os.makedirs(options.out, exist_ok=True)
+
+    def render(self, scene, name, arguments):
+        out = os.path.join(self.options.out, f"{scene}-{name}.exr")
+        command = [self.options.trex, "render", os.path.join(SHARED, "scenes/interiors", scene + ".glb"),
+                   "-o", out, "--size", "256x256", "--json", "-q", *arguments, *self.options.rest]
+        if scene in ENV:
+            command += ["--env", ENV[scene]]
+        report = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+        return out, report
+
+    def score(self, scene, picture):
+        refs = os.path.join(SHARED, "scenes/refs")
+        read = self.quality.read
+        clean = os.path.join(refs, scene + ".clean.exr")
+        return self.quality.quality(read(os.path.join(refs, scene + ".exr")), read(picture),
+                                    read(clean) if os.path.exists(clean) else None)
+
+    def measure(self, scene, name, arguments, runs=1):
+        """Median figures of several seeds."""
+        rows = []
+        for seed in range(runs):
+            picture, report = self.render(scene, name, [*arguments, "--seed", str(seed)])
+            rows.append({**self.score(scene, picture), "samples": report["samples"],
+                         "render_seconds": report["render_seconds"],
+                         "nonfinite_samples": report["nonfinite_samples"]})
+        row = {k: statistics.median(r[k] for r in rows) for k in rows[0]}
+        print(json.dumps({"scene": scene, "what": name, **row}), flush=True)
+        return row
+
+
+def early(run):
+    rows = []
+    for scene in run.options.scenes:
+        guess = run.measure(scene, "exact0-1s", ["--exact", "0", "--time", "1"], run.options.runs)
+        exact = run.measure(scene, "exact1-5s", ["--exact", "1", "--time", "5"], run.options.runs)
+        rows.append((scene, f"{guess['flip']:.3f}", f"{exact['flip']:.3f}",
+                     "yes" if guess["flip"] < exact["flip"] else "no"))
+    return ("scene", "FLIP, guess 1 s", "FLIP, exact 5 s", "guess ahead"), rows
+
+
+def bias(run):
+    rows = []
+    for scene in run.options.scenes:
+        r = run.measure(scene, "exact0-converged", ["--exact", "0", "--time", "60"])
+        rows.append((scene, f"{r['flip']:.3f}", f"{r['mean_ratio']:.4f}", f"{r['relmse']:.4f}",
+                     "yes" if r["flip"] <= 0.10 else "no"))
+    return ("scene", "FLIP, guess 60 s", "mean ratio", "relMSE", "<= 0.10"), rows
+
+
+def exact(run):
+    rows = []
+    for scene in run.options.scenes:
+        r = run.measure(scene, "exact1-converged", ["--exact", "1", "--time", "60"])
+        rows.append((scene, f"{r['flip']:.3f}", f"{r['mean_ratio']:.4f}", f"{r['relmse']:.4f}"))
+    return ("scene", "FLIP, exact 60 s", "mean ratio", "relMSE"), rows
+
+
+def consistent(run):
+    """mean(exact 0.25) - mean(exact 1) of the whole picture in standard errors."""
+    import numpy as np
+    import OpenEXR_reader as reader  # local helper beside this file
+    rows = []
+    for scene in run.options.scenes:
+        means = []
+        for share in ("0.25", "1"):
+            picture, _ = run.render(scene, f"consistent-{share}",
+                                    ["--exact", share, "--time", "60", "--seed", share.replace(".", "")])
+            means.append(reader.mean_and_error(picture))
+        (a, va), (b, vb) = means
+        z = (a - b) / np.sqrt(va + vb)
+        rows.append((scene, f"{a.mean():.5f}", f"{b.mean():.5f}", " ".join(f"{x:+.2f}" for x in z)))
+    return ("scene", "mean, exact 0.25", "mean, exact 1", "difference in standard errors R G B"), rows
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--trex", default=os.path.join(ROOT, "build/trex"))
+    parser.add_argument("--only", default="early,bias,exact")
+    parser.add_argument("--scenes", default=",".join(SCENES))
+    parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--out", default=os.path.join(ROOT, "build/quality"))
+    parser.add_argument("rest", nargs="*")
+    options = parser.parse_args()
+    options.scenes = options.scenes.split(",")
+    run = Runner(options)
+    for name in options.only.split(","):
+        header, rows = {"early": early, "bias": bias, "exact": exact, "consistent": consistent}[name](run)
+        print(f"\n| {' | '.join(header)} |\n|{'---|' * len(header)}")
+        for row in rows:
+            print(f"| {' | '.join(row)} |")
+
+
+if __name__ == "__main__":
+    main()

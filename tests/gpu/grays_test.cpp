@@ -1,0 +1,152 @@
+// Gathering: the device against the C++ build of the same text, double buffering, limits, empty
+// trees.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstring>
+
+#include "src/core/error.h"
+#include "tests/gpu/grays_fixture.h"
+
+namespace trex {
+namespace {
+
+using shaderio::GatherQuery;
+using shaderio::GatherResult;
+
+std::vector<GatherResult> gather(GRayTracer& tracer, std::span<const GatherQuery> queries) {
+  const auto results = tracer.finishGather(tracer.submitGather(queries));
+  return {results.begin(), results.end()};
+}
+
+class DeviceGather : public ::testing::TestWithParam<const char*> {};
+INSTANTIATE_TEST_SUITE_P(Gather, DeviceGather, ::testing::Values("device", "staged"));
+
+TEST_P(DeviceGather, EqualsCpu) {
+  const asvo::Tree tree = test::buildTree(test::furnishedRoom(), 7);
+  const auto records = test::pointLight(tree, {2.0f, 2.7f, 1.8f}, 100.0f, 100'000);
+  const auto queries = test::roomQueries(tree, 50'000);
+  const auto cpu = makeCpuTracer(tree, {});
+  const auto device = test::makeTracer(GetParam(), tree);
+  for (GRayTracer* tracer : {cpu.get(), device.get()}) {
+    tracer->tracePhotons(records, 1e-6);
+    tracer->resolveLight(records.size());
+  }
+  const auto expected = gather(*cpu, queries);
+  const auto results = gather(*device, queries);
+  ASSERT_EQ(results.size(), expected.size());
+
+  // Rounding differs between compilers, so a cone in a thousand may take another cell at an edge.
+  double sum = 0.0, expectedSum = 0.0;
+  std::size_t different = 0;
+  for (std::size_t i = 0; i < results.size(); ++i) {
+    ASSERT_TRUE(std::isfinite(results[i].radiance.x) && results[i].radiance.x >= 0.0f);
+    ASSERT_TRUE(results[i].transmittance >= 0.0f && results[i].transmittance <= 1.0f);
+    if ((queries[i].flags & shaderio::kQueryShadow) != 0) {
+      EXPECT_EQ(results[i].radiance, glm::vec3(0.0f));
+    }
+    sum += results[i].radiance.x;
+    expectedSum += expected[i].radiance.x;
+    const float scale = std::max(expected[i].radiance.x, 1e-3f);
+    const bool same = std::abs(results[i].radiance.x - expected[i].radiance.x) < 0.05f * scale &&
+                      std::abs(results[i].transmittance - expected[i].transmittance) < 1e-3f;
+    different += same ? 0 : 1;
+  }
+  EXPECT_GT(expectedSum, 0.0);
+  EXPECT_NEAR(sum / expectedSum, 1.0, 2e-3);
+  EXPECT_LT(different, results.size() / 500);
+}
+
+// The CPU tracer starts its descents from a grid; asvo::Tracer, which has none, is the oracle.
+TEST(Gather, CpuEqualsThePlainTracerToTheBit) {
+  for (const int depth : {1, 4, 7, 8}) {
+    const asvo::Tree tree = test::buildTree(test::furnishedRoom(), depth);
+    const auto cpu = makeCpuTracer(tree, {});
+    const auto records = test::pointLight(tree, {2.0f, 2.7f, 1.8f}, 100.0f, 20'000);
+    cpu->tracePhotons(records, 1e-6);
+    cpu->resolveLight(records.size());
+    auto queries = test::roomQueries(tree, 5'000);
+    for (std::size_t i = 0; i < queries.size(); i += 3) queries[i].tanHalf *= 0.01f;
+    const auto results = gather(*cpu, queries);
+    const asvo::Tracer oracle(tree, cpu->light());
+    for (std::size_t i = 0; i < queries.size(); ++i) {
+      const GatherQuery& q = queries[i];
+      const auto cone = oracle.asvoMarch(q.origin, q.direction, q.tanHalf, q.tmin, q.tmax, q.jitter,
+                                         (q.flags & shaderio::kQueryShadow) == 0);
+      ASSERT_EQ(results[i].radiance, cone.radiance) << "depth " << depth << ", query " << i;
+      ASSERT_EQ(results[i].transmittance, cone.transmittance);
+    }
+  }
+}
+
+TEST(Gather, TwoBatchesUnderWayKeepTheirOrder) {
+  const asvo::Tree tree = test::buildTree(test::furnishedRoom(), 6);
+  const auto queries = test::roomQueries(tree, 3000);
+  for (const char* kind : {"cpu", "device"}) {
+    const auto tracer = test::makeTracer(kind, tree);
+    tracer->tracePhotons(test::pointLight(tree, {2.0f, 2.7f, 1.8f}, 10.0f, 2000), 1e-6);
+    tracer->resolveLight(2000);
+    const auto all = gather(*tracer, queries);
+    const std::span<const GatherQuery> span(queries);
+    int ticket = tracer->submitGather(span.first(1000));
+    for (std::size_t part = 0; part < 3; ++part) {
+      const int next = part < 2 ? tracer->submitGather(span.subspan((part + 1) * 1000, 1000)) : -1;
+      const auto results = tracer->finishGather(ticket);
+      ASSERT_EQ(results.size(), 1000u);
+      EXPECT_EQ(std::memcmp(results.data(), &all[part * 1000], results.size_bytes()), 0)
+          << kind << ", part " << part;
+      ticket = next;
+    }
+    EXPECT_EQ(tracer->finishGather(tracer->submitGather({})).size(), 0u);
+    EXPECT_EQ(tracer->statistics().cones, 6000u);
+  }
+}
+
+TEST(Gather, EmptyTreeIsClear) {
+  test::Room nothing;
+  for (const asvo::Tree& tree : {asvo::Tree(), asvo::Tree::build(nothing)}) {
+    for (const char* kind : {"cpu", "device"}) {
+      const auto tracer = test::makeTracer(kind, tree);
+      const GatherQuery query{glm::vec3(0), 0.2f, glm::vec3(0, 0, 1), 0, 1e30f, 0, 0, 0};
+      const auto results = gather(*tracer, {&query, 1});
+      ASSERT_EQ(results.size(), 1u);
+      EXPECT_EQ(results[0].transmittance, 1.0f);
+      EXPECT_EQ(results[0].radiance, glm::vec3(0.0f));
+      const shaderio::PhotonRecord record{glm::vec3(0), 0, glm::vec3(1), 0};
+      tracer->tracePhotons({&record, 1}, 1e-6);
+      tracer->resolveLight(1);
+      EXPECT_EQ(tracer->statistics().lostDeposits, 1u);
+      EXPECT_EQ(tracer->light().size(), tree.nodes.size());
+    }
+  }
+}
+
+TEST(Limits, TooSmallADeviceIsRefusedBeforeAllocating) {
+  const asvo::Tree tree = test::buildTree(test::furnishedRoom(), 6);
+  for (const VulkanLimits& limits :
+       {VulkanLimits{.maxBytes = 1 << 20}, VulkanLimits{.maxStorageBufferRange = 1 << 16}}) {
+    try {
+      makeVulkanTracer(tree, {}, -1, limits);
+      ADD_FAILURE() << "nothing was thrown";
+    } catch (const Error& error) {
+      EXPECT_EQ(error.code(), ExitCode::kMemoryOrDevice);
+      const std::string message = error.what();
+      EXPECT_NE(message.find("leaves needs"), std::string::npos) << message;
+      EXPECT_NE(message.find("--device none"), std::string::npos) << message;
+    }
+  }
+}
+
+TEST(Limits, MissingDeviceNamesTheWayOut) {
+  const asvo::Tree tree = test::buildTree(test::furnishedRoom(), 3);
+  try {
+    makeVulkanTracer(tree, {}, 99);
+    ADD_FAILURE() << "nothing was thrown";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.code(), ExitCode::kMemoryOrDevice);
+    EXPECT_NE(std::string(error.what()).find("--device none"), std::string::npos) << error.what();
+  }
+}
+
+}  // namespace
+}  // namespace trex

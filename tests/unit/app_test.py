@@ -1,0 +1,222 @@
+#!/usr/bin/env python3
+"""Tests of the program as a user runs it: results, wrong uses, bad files, interrupts, equal bits."""
+import argparse, json, os, shutil, signal, struct, subprocess, sys, tempfile, time, unittest
+
+TREX = ASSETS = None
+
+
+def run(*arguments, **kw):
+    return subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=600, **kw)
+
+
+def glb(tree, payload=b""):
+    """A .glb of a JSON tree and a binary chunk."""
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    payload += b"\0" * (-len(payload) % 4)
+    body = struct.pack("<II", len(text), 0x4E4F534A) + text
+    if payload:
+        body += struct.pack("<II", len(payload), 0x004E4942) + payload
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
+def triangle(positions=(0, 0, 0, 1, 0, 0, 0, 1, 0), indices=(0, 1, 2), **changes):
+    """One triangle as a .glb; `changes` replace parts of the JSON."""
+    data = struct.pack(f"<{len(positions)}f", *positions) + struct.pack(f"<{len(indices)}H", *indices)
+    size = 4 * len(positions)
+    tree = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": len(positions) // 3, "type": "VEC3",
+             "min": [0, 0, 0], "max": [1, 1, 1]},
+            {"bufferView": 1, "componentType": 5123, "count": len(indices), "type": "SCALAR"}],
+        "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": size},
+                        {"buffer": 0, "byteOffset": size, "byteLength": 2 * len(indices)}],
+        "buffers": [{"byteLength": len(data)}]}
+    tree.update(changes)
+    return glb(tree, data)
+
+
+class AppTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.mkdtemp(prefix="trex-app-")
+        self.cornell = os.path.join(ASSETS, "cornell.glb")
+
+    def tearDown(self):
+        shutil.rmtree(self.folder)
+
+    def path(self, name, data=None):
+        path = os.path.join(self.folder, name)
+        if data is not None:
+            with open(path, "wb") as f:
+                f.write(data)
+        return path
+
+    def refused(self, code, *arguments, says=""):
+        """The command fails with the code and one clear line; no picture and no rest is left."""
+        before = set(os.listdir(self.folder))
+        result = run(*arguments)
+        lines = [x for x in result.stderr.splitlines() if "error:" in x]
+        self.assertEqual(result.returncode, code, (arguments, result.stderr))
+        self.assertEqual(len(lines), 1, result.stderr)
+        self.assertIn(says, lines[0])
+        self.assertEqual(result.stdout, "")
+        self.assertEqual(set(os.listdir(self.folder)), before)
+
+    def test_renders_png_and_exr_and_says_where(self):
+        for name, magic in (("a.png", b"\x89PNG"), ("a.exr", b"\x76\x2f\x31\x01")):
+            out = self.path(name)
+            result = run("render", self.cornell, "-o", out, "--size", "32x24", "--spp", 2)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            self.assertEqual(result.stdout.strip(), out)
+            with open(out, "rb") as f:
+                self.assertEqual(f.read(4), magic)
+
+    def test_json_summary(self):
+        result = run("render", self.cornell, "-o", self.path("a.exr"), "--size", "32x24", "--spp", 3,
+                     "--exact", 0.5, "--json")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        summary = json.loads(result.stdout)
+        self.assertEqual(summary["samples"], 3)
+        self.assertEqual((summary["width"], summary["height"]), (32, 24))
+        self.assertEqual(summary["nonfinite_samples"], 0)
+        self.assertGreater(summary["c_rays"], 32 * 24 * 3)
+        self.assertAlmostEqual(summary["exact_paths"], 0.5 * 3 * 32 * 24, delta=32 * 24)
+        self.assertGreater(summary["peak_resident_bytes"], 1 << 20)
+        for key in ("import_seconds", "render_seconds", "photons", "device", "voxel_bytes"):
+            self.assertIn(key, summary)
+
+    def test_exact_mode_builds_no_voxels(self):
+        result = run("render", self.cornell, "-o", self.path("a.exr"), "--size", "16x16", "--spp", 1,
+                     "--exact", 1, "--json")
+        summary = json.loads(result.stdout)
+        self.assertEqual((summary["voxels"], summary["photons"], summary["device"]), (0, 0, "none"))
+
+    def same_bits(self, variants, *common):
+        pictures = set()
+        for i, variant in enumerate(variants):
+            out = self.path("a.exr")
+            result = run("render", self.cornell, "-o", out, "--size", "96x80", "--spp", 3, *common, *variant)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            with open(out, "rb") as f:
+                pictures.add(f.read())
+        return len(pictures) == 1
+
+    def test_threads_do_not_change_a_bit(self):
+        threads = [("--threads", n) for n in (1, 2, 5)]
+        for exact in (0, 0.25, 1):
+            for guess in ("ray", "cone"):
+                self.assertTrue(self.same_bits(threads, "--device", "none", "--exact", exact, "--guess", guess))
+
+    def test_two_runs_on_the_device_are_equal(self):
+        for guess in ("ray", "cone"):
+            self.assertTrue(self.same_bits([(), ()], "--guess", guess, "--exact", 0.25))
+
+    def test_seeds_differ(self):
+        self.assertFalse(self.same_bits([("--seed", 1), ("--seed", 2)], "--device", "none"))
+
+    def test_time_limit_ends_the_run(self):
+        result = run("render", self.cornell, "-o", self.path("a.exr"), "--size", "64x64", "--time", 0.3, "--json")
+        summary = json.loads(result.stdout)
+        self.assertGreaterEqual(summary["render_seconds"], 0.3)
+        self.assertGreater(summary["samples"], 0)
+
+    def test_interrupt_saves_the_picture(self):
+        for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
+            out = self.path(f"{number}.png")
+            process = subprocess.Popen([TREX, "render", self.cornell, "-o", out, "--size", "64x64",
+                                        "--time", "600"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+            time.sleep(3)
+            process.send_signal(number)
+            _, stderr = process.communicate(timeout=60)
+            self.assertEqual(process.returncode, code, stderr)
+            self.assertGreater(os.path.getsize(out), 100)
+
+    def test_wrong_uses(self):
+        out = self.path("a.png")
+        for arguments, says in (
+                ([], ""), (["paint"], ""), (["render"], "INPUT"), (["render", self.cornell], "output"),
+                (["render", self.cornell, "-o", out, "--sise", "1x1"], "sise"),
+                (["render", self.cornell, "-o", out, "--size", "0x0"], "0x0"),
+                (["render", self.cornell, "-o", out, "--size", "0x10"], "0x10"),
+                (["render", self.cornell, "-o", out, "--size", "10"], "WxH"),
+                (["render", self.cornell, "-o", out, "--size", "-3x5"], "-3x5"),
+                (["render", self.cornell, "-o", out, "--size", "99999x1"], "99999x1"),
+                (["render", self.cornell, "-o", out, "--spp", "-1"], "spp"),
+                (["render", self.cornell, "-o", out, "--spp", "many"], "spp"),
+                (["render", self.cornell, "-o", out, "--exact", "1.5"], "exact"),
+                (["render", self.cornell, "-o", out, "--exact", "nan"], "exact"),
+                (["render", self.cornell, "-o", out, "--time", "-1"], "time"),
+                (["render", self.cornell, "-o", out, "--threads", "0"], "threads"),
+                (["render", self.cornell, "-o", out, "--device", "gpu"], "device"),
+                (["render", self.cornell, "-o", out, "--guess", "magic"], "guess"),
+                (["render", self.cornell, "-o", out, "--exposure", "bright"], "exposure"),
+                (["render", self.cornell, "-o", out, "--camera", "1,2/3"], "camera"),
+                (["render", self.cornell, "-o", out, "--max-memory", "much"], "much"),
+                (["render", self.cornell, "-o", self.path("a.bmp")], ".bmp"),
+                (["render", self.cornell, "-o", self.path("a")], "format")):
+            with self.subTest(arguments=arguments):
+                self.refused(2, *arguments, says=says)
+
+    def test_bad_input(self):
+        nan = float("nan")
+        good = triangle()
+        for name, data, says in (
+                ("truncated.glb", good[:len(good) // 2], "truncated.glb"),
+                ("empty.glb", b"", "empty.glb"),
+                ("words.glb", b"hello, this is no model", "words.glb"),
+                ("short.glb", triangle(buffers=[{"byteLength": 8}]), "short.glb"),
+                ("long.glb", triangle(accessors=[
+                    {"bufferView": 0, "componentType": 5126, "count": 3000000, "type": "VEC3"},
+                    {"bufferView": 1, "componentType": 5123, "count": 3, "type": "SCALAR"}]), "long.glb"),
+                ("index.glb", triangle(indices=(0, 1, 7)), "index.glb"),
+                ("nan.glb", triangle(positions=(nan,) * 9), "nan.glb"),
+                ("nothing.glb", triangle(nodes=[{}]), "nothing.glb"),
+                ("required.glb", triangle(extensionsUsed=["KHR_unheard_of"], extensionsRequired=["KHR_unheard_of"]),
+                 "KHR_unheard_of"),
+                ("image.glb", triangle(
+                    images=[{"uri": "data:image/png;base64,AAAA"}], textures=[{"source": 0}],
+                    materials=[{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+                    meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}]),
+                 "image.glb"),
+                ("cut.ply", b"ply\nformat binary_little_endian 1.0\nelement vertex 999\nproperty float x\n"
+                            b"property float y\nproperty float z\nend_header\n", "cut.ply"),
+                ("bad.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "bad.obj"),
+                ("model.xyz", b"?", "model.xyz")):
+            with self.subTest(name=name):
+                self.refused(3, "render", self.path(name, data), "-o", self.path("a.png"), "--spp", 1, says=says)
+        self.refused(3, "render", self.path("missing.glb"), "-o", self.path("a.png"), says="missing.glb")
+        self.refused(3, "render", self.folder, "-o", self.path("a.png"))
+        self.refused(3, "render", self.cornell, "-o", self.path("a.png"), "--env", self.path("none.hdr"), says="none.hdr")
+
+    def test_unwritable_output(self):
+        self.refused(5, "render", self.cornell, "-o", self.path("no/such/a.png"), says="no/such")
+        os.mkdir(self.path("folder.png"))
+        self.refused(5, "render", self.cornell, "-o", self.path("folder.png"), says="folder.png")
+        if os.path.exists("/dev/full"):
+            self.refused(5, "render", self.cornell, "-o", "/proc/a.png", "--spp", 1, "--size", "8x8", says="/proc/a.png")
+
+    def test_limits(self):
+        self.refused(4, "render", self.cornell, "-o", self.path("a.png"), "--max-memory", "10K", says="allowed")
+        self.refused(4, "render", self.cornell, "-o", self.path("a.png"), "--device", 99, "--spp", 1, says="--device none")
+
+    def test_one_pixel_and_one_triangle(self):
+        model = self.path("one.glb", triangle())
+        for device in ("none", "auto"):
+            result = run("render", model, "-o", self.path("a.exr"), "--size", "1x1", "--spp", 1, "--device", device)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            self.assertIn("sky", result.stderr)
+
+    def test_help_and_version(self):
+        self.assertIn("Exit codes", run("--help").stdout)
+        self.assertRegex(run("--version").stdout, r"^trex \d+\.\d+\.\d+")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--trex", required=True)
+    parser.add_argument("--assets", required=True)
+    options, rest = parser.parse_known_args()
+    TREX, ASSETS = options.trex, options.assets
+    unittest.main(argv=[sys.argv[0], *rest], verbosity=2)

@@ -1,0 +1,197 @@
+#include "src/crays/bsdf.h"
+
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "src/crays/microfacet.h"
+#include "tests/unit/chi_square.h"
+#include "tests/unit/scenes.h"
+
+namespace trex {
+namespace {
+
+struct Case {
+  const char* name;
+  Material material;
+  float cosine;  // of the outgoing direction
+};
+
+Material glossy(float metallic, float roughness, float transmission, bool volume) {
+  Material m;
+  m.baseColor = vec4(0.8f, 0.6f, 0.4f, 1.0f);
+  m.metallic = metallic;
+  m.roughness = roughness;
+  m.transmission = transmission;
+  m.volume = volume;
+  return m;
+}
+
+std::vector<Case> cases() {
+  return {{"lambert", test::lambert(0.8f), 0.7f},
+          {"lambertGrazing", test::lambert(0.8f), 0.05f},
+          {"metalRough", glossy(1.0f, 0.6f, 0.0f, false), 0.7f},
+          {"metalSharpGrazing", glossy(1.0f, 0.25f, 0.0f, false), 0.2f},
+          {"plastic", glossy(0.0f, 0.4f, 0.0f, false), 0.6f},
+          {"mixed", glossy(0.5f, 0.5f, 0.0f, false), 0.4f},
+          {"frostedThin", glossy(0.0f, 0.4f, 1.0f, false), 0.8f},
+          {"frostedSolid", glossy(0.0f, 0.4f, 1.0f, true), 0.8f},
+          {"halfTransmission", glossy(0.0f, 0.5f, 0.5f, true), 0.5f}};
+}
+
+Surface surfaceAtOrigin() {
+  Surface s{};
+  s.geometricNormal = s.shadingNormal = glm::normalize(vec3(0.3f, -0.5f, 0.8f));
+  s.color = vec4(1.0f);
+  return s;
+}
+
+vec3 outgoing(const Surface& s, float cosine) {
+  return Basis(s.geometricNormal)
+      .toWorld(vec3(std::sqrt(1.0f - cosine * cosine) * 0.6f, std::sqrt(1.0f - cosine * cosine) * 0.8f,
+                    cosine));
+}
+
+class BsdfTest : public ::testing::TestWithParam<Case> {
+ protected:
+  BsdfTest() {
+    scene_.materials = {GetParam().material};
+    surface_ = surfaceAtOrigin();
+  }
+  Bsdf bsdf() const { return {scene_, surface_, outgoing(surface_, GetParam().cosine)}; }
+  Scene scene_;
+  Surface surface_;
+};
+
+/// Histogram of sampled directions against the integral of pdf() over each cell of the sphere.
+TEST_P(BsdfTest, SamplesFollowTheirDensity) {
+  constexpr int kTheta = 24, kPhi = 48, kCount = 400000, kFine = 12;
+  const Bsdf b = bsdf();
+  std::vector<double> counts(kTheta * kPhi, 0.0), expected(kTheta * kPhi, 0.0);
+  for (std::uint32_t i = 0; i < kCount; ++i) {
+    Sampler sampler(i, 0, 9);
+    BsdfSample s;
+    if (!b.sample(sampler, s)) continue;
+    ASSERT_FALSE(s.delta);
+    EXPECT_NEAR(glm::length(s.direction), 1.0f, 1e-4f);
+    const vec3 d = Basis(surface_.geometricNormal).toLocal(s.direction);
+    const double z = std::clamp(0.5 * (1.0 + static_cast<double>(d.z)), 0.0, 0.999999);
+    const double phi = std::atan2(d.y, d.x) / (2.0 * std::numbers::pi) + 0.5;
+    const auto cell = static_cast<std::size_t>(z * kTheta) * kPhi +
+                      static_cast<std::size_t>(std::min(phi, 0.999999) * kPhi);
+    counts[cell] += 1.0;
+  }
+  for (int i = 0; i < kTheta * kFine; ++i) {
+    for (int j = 0; j < kPhi * kFine; ++j) {
+      const double z = 2.0 * (i + 0.5) / (kTheta * kFine) - 1.0;
+      const double phi = 2.0 * std::numbers::pi * ((j + 0.5) / (kPhi * kFine) - 0.5);
+      const double r = std::sqrt(1.0 - z * z);
+      const vec3 d(static_cast<float>(r * std::cos(phi)), static_cast<float>(r * std::sin(phi)),
+                   static_cast<float>(z));
+      const double density = b.pdf(Basis(surface_.geometricNormal).toWorld(d));
+      expected[static_cast<std::size_t>(i / kFine * kPhi + j / kFine)] +=
+          density * kCount * 4.0 * std::numbers::pi / (kTheta * kFine * kPhi * kFine);
+    }
+  }
+  EXPECT_GT(test::chiSquareP(counts, expected), 1e-3) << GetParam().name;
+}
+
+/// weight = f cos / pdf, and no material reflects more than arrives.
+TEST_P(BsdfTest, WeightIsConsistentAndEnergyIsNotMade) {
+  const Bsdf b = bsdf();
+  double energy = 0.0;
+  constexpr int kCount = 100000;
+  for (std::uint32_t i = 0; i < kCount; ++i) {
+    Sampler sampler(i, 0, 3);
+    BsdfSample s;
+    if (!b.sample(sampler, s)) continue;
+    const vec3 expected = b.evaluate(s.direction) / b.pdf(s.direction);
+    EXPECT_NEAR(s.weight.x, expected.x, 2e-3f * (1.0f + expected.x));
+    EXPECT_NEAR(s.pdf / b.pdf(s.direction), 1.0f, 2e-3f);
+    energy += static_cast<double>(s.weight.x * s.etaSquared) / kCount;
+  }
+  EXPECT_LT(energy, 1.01);
+  EXPECT_GT(energy, 0.3);
+}
+
+TEST_P(BsdfTest, ReflectionIsReciprocal) {
+  const vec3 out = outgoing(surface_, GetParam().cosine);
+  const vec3 in = Basis(surface_.geometricNormal).toWorld(glm::normalize(vec3(0.4f, 0.3f, 0.6f)));
+  const Bsdf there(scene_, surface_, out), back(scene_, surface_, in);
+  const float a = there.evaluate(in).y / glm::dot(in, surface_.geometricNormal);
+  const float b = back.evaluate(out).y / glm::dot(out, surface_.geometricNormal);
+  EXPECT_NEAR(a, b, 1e-3f * (a + b) + 1e-6f);
+}
+
+INSTANTIATE_TEST_SUITE_P(Materials, BsdfTest, ::testing::ValuesIn(cases()),
+                         [](const auto& parameter) { return parameter.param.name; });
+
+TEST(Bsdf, LambertianAlbedoIsExact) {
+  Scene scene;
+  scene.materials = {test::lambert(0.5f)};
+  const Surface s = surfaceAtOrigin();
+  const Bsdf b(scene, s, outgoing(s, 0.3f));
+  for (std::uint32_t i = 0; i < 100; ++i) {
+    Sampler sampler(i, 0, 0);
+    BsdfSample sample;
+    ASSERT_TRUE(b.sample(sampler, sample));
+    EXPECT_NEAR(sample.weight.x, 0.5f, 1e-5f);
+  }
+  EXPECT_TRUE(b.cacheable());
+  EXPECT_NEAR(b.cachedAlbedo().x, 0.5f, 1e-6f);
+}
+
+TEST(Bsdf, MirrorAndGlassAreDelta) {
+  Scene scene;
+  scene.materials = {glossy(1.0f, 0.0f, 0.0f, false), glossy(0.0f, 0.0f, 1.0f, true)};
+  Surface s = surfaceAtOrigin();
+  const vec3 out = outgoing(s, 0.6f);
+  BsdfSample sample;
+  Sampler sampler(1, 0, 0);
+  const Bsdf mirror(scene, s, out);
+  EXPECT_TRUE(mirror.onlyDelta());
+  ASSERT_TRUE(mirror.sample(sampler, sample));
+  EXPECT_TRUE(sample.delta);
+  EXPECT_NEAR(glm::dot(sample.direction, s.geometricNormal), 0.6f, 1e-5f);
+
+  s.material = 1;
+  const Bsdf glass(scene, s, out);
+  int transmitted = 0;
+  double kept = 0.0;
+  for (std::uint32_t i = 0; i < 4000; ++i) {
+    Sampler one(i, 0, 0);
+    ASSERT_TRUE(glass.sample(one, sample));
+    transmitted += sample.transmitted;
+    kept += static_cast<double>(sample.weight.x * sample.etaSquared) / 4000;
+    if (sample.transmitted) {  // Snell's law
+      const float sinIn = 0.8f, cosT = -glm::dot(sample.direction, s.geometricNormal);
+      EXPECT_NEAR(std::sqrt(1.0f - cosT * cosT), sinIn / 1.5f, 1e-4f);
+    }
+  }
+  EXPECT_NEAR(transmitted / 4000.0, 1.0 - static_cast<double>(fresnelDielectric(0.6f, 1.5f)), 0.15);
+  EXPECT_GT(kept, 0.75);
+}
+
+TEST(Fresnel, KnownValues) {
+  EXPECT_NEAR(fresnelDielectric(1.0f, 1.5f), 0.04f, 1e-6f);
+  EXPECT_NEAR(fresnelDielectric(0.0f, 1.5f), 1.0f, 1e-6f);
+  EXPECT_EQ(fresnelDielectric(0.5f, 1.0f / 1.5f), 1.0f);  // beyond the critical angle
+  EXPECT_NEAR(fresnelDielectric(0.3f, 1.0f), 0.0f, 1e-6f);
+}
+
+TEST(Ggx, DensityIntegratesToOneOverProjectedArea) {
+  for (float alpha : {0.01f, 0.1f, 0.5f, 1.0f}) {
+    double sum = 0.0;
+    constexpr int kSteps = 200000;
+    for (int i = 0; i < kSteps; ++i) {
+      const double theta = 0.5 * std::numbers::pi * (i + 0.5) / kSteps;
+      sum += static_cast<double>(ggxDensity(static_cast<float>(std::cos(theta)), alpha)) *
+             std::cos(theta) * std::sin(theta) * 2.0 * std::numbers::pi * 0.5 * std::numbers::pi /
+             kSteps;
+    }
+    EXPECT_NEAR(sum, 1.0, 0.01) << alpha;
+  }
+}
+
+}  // namespace
+}  // namespace trex

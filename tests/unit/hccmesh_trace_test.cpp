@@ -1,0 +1,212 @@
+// Rays against clusters: the nearest hit is that of a test of all triangles in double precision.
+#include <gtest/gtest.h>
+#include <hwy/targets.h>
+
+#include <cmath>
+#include <limits>
+
+#include "hccmesh_meshes.h"
+
+using namespace hccm;
+using namespace hccm::test;
+
+namespace {
+
+constexpr float kInf = std::numeric_limits<float>::infinity();
+
+bool traceAll(const Mesh& mesh, const Ray& ray, Hit& hit, bool backwards = false) {
+  PreparedRay prepared = mesh.prepare(ray);
+  bool found = false;
+  for (std::uint32_t i = 0; i < mesh.clusterCount(); ++i)
+    found |= mesh.intersect(backwards ? mesh.clusterCount() - 1 - i : i, prepared, hit);
+  return found;
+}
+bool occludedAll(const Mesh& mesh, const Ray& ray) {
+  const PreparedRay prepared = mesh.prepare(ray);
+  for (std::uint32_t c = 0; c < mesh.clusterCount(); ++c)
+    if (mesh.occluded(c, prepared)) return true;
+  return false;
+}
+
+// Nearest hit in double, and how surely: the least distance to an edge or end, in weights.
+struct Truth {
+  double t = std::numeric_limits<double>::infinity();
+  bool sure = true;
+};
+Truth bruteForce(const Mesh& mesh, const Ray& ray) {
+  const glm::dvec3 o(ray.origin), d(ray.direction);
+  Truth best;
+  std::vector<double> doubtful;
+  for (std::uint32_t c = 0; c < mesh.clusterCount(); ++c)
+    for (std::uint32_t i = 0; i < mesh.clusterTriangleCount(c); ++i) {
+      const Triangle tri = mesh.triangle(c, i);
+      const glm::dvec3 a(tri.position[0]), e1 = glm::dvec3(tri.position[1]) - a,
+                                           e2 = glm::dvec3(tri.position[2]) - a;
+      const glm::dvec3 p = glm::cross(d, e2);
+      const double det = glm::dot(e1, p);
+      if (det == 0.0) continue;
+      const double u = glm::dot(o - a, p) / det;
+      const glm::dvec3 q = glm::cross(o - a, e1);
+      const double v = glm::dot(d, q) / det, t = glm::dot(e2, q) / det;
+      // Rounding moves an edge by 2^-22 of the distance: in weights, over the triangle's height.
+      const double height =
+          std::abs(det) / (glm::length(d) * std::max(glm::length(e1), glm::length(e2)));
+      const double blur = 1e-6 * (glm::length(o - a) + glm::length(e1) + glm::length(e2)) / height;
+      const double margin = std::min({u, v, 1.0 - u - v});
+      if (margin < -blur || t < double(ray.tnear) - 1e-6 || t > double(ray.tfar) + 1e-6) continue;
+      if (margin < blur || std::abs(t - ray.tnear) < 1e-6 || std::abs(t - double(ray.tfar)) < 1e-6)
+        doubtful.push_back(t);
+      else
+        best.t = std::min(best.t, t);
+    }
+  for (double t : doubtful) best.sure = best.sure && t > best.t + 1e-5;
+  return best;
+}
+
+void expectAgrees(const Mesh& mesh, const std::vector<Ray>& rays) {
+  int sure = 0, hits = 0;
+  for (const Ray& ray : rays) {
+    Hit hit, backwards;
+    const bool found = traceAll(mesh, ray, hit);
+    EXPECT_EQ(found, traceAll(mesh, ray, backwards, true));
+    EXPECT_EQ(found, occludedAll(mesh, ray));
+    if (found) {
+      EXPECT_EQ(hit.cluster, backwards.cluster);
+      EXPECT_EQ(hit.triangle, backwards.triangle);
+      EXPECT_EQ(hit.t, backwards.t);
+    }
+    const Truth truth = bruteForce(mesh, ray);
+    if (!truth.sure) continue;
+    ++sure;
+    hits += found;
+    ASSERT_EQ(found, std::isfinite(truth.t)) << sure;
+    if (found) {
+      EXPECT_NEAR(hit.t, truth.t, 1e-5 * (1.0 + truth.t));
+      const Triangle t = mesh.triangle(hit.cluster, hit.triangle);
+      const glm::vec3 p =
+          t.position[0] * (1.0f - hit.u - hit.v) + t.position[1] * hit.u + t.position[2] * hit.v;
+      EXPECT_LT(glm::length(p - (ray.origin + hit.t * ray.direction)), 1e-4f * (1.0f + hit.t));
+    }
+  }
+  EXPECT_GT(sure, int(rays.size()) * 8 / 10);
+  EXPECT_GT(hits, int(rays.size()) / 10);
+}
+
+std::vector<Ray> randomRays(int count, unsigned seed, bool axisParallel) {
+  std::mt19937 random(seed);
+  std::vector<Ray> rays;
+  for (int i = 0; i < count; ++i) {
+    glm::vec3 d = glm::normalize(randomPoint(random, 1.0f) + glm::vec3(1e-4f));
+    if (axisParallel) {
+      d = glm::vec3(0.0f);
+      d[i % 3] = i % 2 ? 1.0f : -1.0f;
+      if (i % 5 == 0) d[(i + 1) % 3] = std::numeric_limits<float>::denorm_min();
+      if (i % 7 == 0) d[(i + 2) % 3] = -0.0f;
+    }
+    rays.push_back({randomPoint(random, 1.5f), 0.0f, d, i % 4 ? kInf : 1.0f});
+  }
+  return rays;
+}
+
+}  // namespace
+
+TEST(HccMeshTrace, NearestHitOfRandomRays) {
+  expectAgrees(build(randomSoup(600, 1.0f, 21)), randomRays(2000, 22, false));
+}
+TEST(HccMeshTrace, AxisParallelRaysWithZeroAndDenormalComponents) {
+  expectAgrees(build(randomSoup(600, 1.0f, 23)), randomRays(2000, 24, true));
+}
+TEST(HccMeshTrace, ConnectedMesh) {
+  Soup s = sheet(40, 2.0f);
+  expectAgrees(build(s), randomRays(1000, 25, false));
+}
+TEST(HccMeshTrace, DirectionNeedNotBeUnit) {
+  const Mesh mesh = build(randomSoup(300, 1.0f, 26));
+  for (Ray ray : randomRays(300, 27, false)) {
+    ray.tfar = kInf;
+    Hit a, b;
+    const bool found = traceAll(mesh, ray, a);
+    ray.direction *= 0.125f;
+    ASSERT_EQ(found, traceAll(mesh, ray, b));
+    if (found) {
+      EXPECT_FLOAT_EQ(a.t * 8.0f, b.t);
+    }
+  }
+}
+
+TEST(HccMeshTrace, EveryInstructionSetGivesTheSameBits) {
+  const Soup soup = randomSoup(800, 1.0f, 28), wide = randomSoup(30, 1.0f, 29);
+  const std::vector<Ray> rays = randomRays(3000, 30, false);
+  std::vector<std::vector<Hit>> results;
+  std::vector<std::string> names;
+  for (std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    const Mesh a = build(soup), b = build(wide);
+    names.emplace_back(a.targetName());
+    std::vector<Hit>& hits = results.emplace_back();
+    for (const Ray& ray : rays)
+      for (const Mesh* mesh : {&a, &b}) {
+        Hit hit;
+        EXPECT_EQ(traceAll(*mesh, ray, hit), occludedAll(*mesh, ray));
+        hits.push_back(hit);
+      }
+  }
+  hwy::SetSupportedTargetsForTest(0);
+  ASSERT_GE(results.size(), 1u);
+  for (std::size_t k = 1; k < results.size(); ++k)
+    for (std::size_t i = 0; i < results[k].size(); ++i) {
+      ASSERT_EQ(results[0][i].triangle, results[k][i].triangle) << names[k];
+      ASSERT_EQ(results[0][i].cluster, results[k][i].cluster) << names[k];
+      ASSERT_EQ(results[0][i].t, results[k][i].t) << names[k];
+      ASSERT_EQ(results[0][i].u, results[k][i].u) << names[k];
+    }
+}
+
+TEST(HccMeshTrace, EqualDistanceTakesTheLowerTriangle) {
+  Soup s;
+  s.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  for (int i = 0; i < 500; ++i) s.triangles.push_back({0, 1, 2});
+  const Mesh mesh = build(s);
+  ASSERT_GT(mesh.clusterCount(), 2u);
+  for (bool backwards : {false, true}) {
+    Hit hit;
+    ASSERT_TRUE(traceAll(mesh, {glm::vec3(-0.2f, -0.2f, 1.0f), 0.0f, glm::vec3(0, 0, -1), kInf},
+                         hit, backwards));
+    EXPECT_EQ(hit.cluster, 0u);
+    EXPECT_EQ(hit.triangle, 0u);
+    EXPECT_FLOAT_EQ(hit.t, 1.0f);
+  }
+}
+
+TEST(HccMeshTrace, IntervalIsClosedAndEmptyOnesHitNothing) {
+  Soup s;
+  s.positions = {{-1, -1, 0}, {1, -1, 0}, {0, 1, 0}};
+  s.triangles = {{0, 1, 2}};
+  const Mesh mesh = build(s);
+  const glm::vec3 o(0.0f, 0.0f, 2.0f), d(0.0f, 0.0f, -1.0f);
+  Hit hit;
+  EXPECT_TRUE(traceAll(mesh, {o, 2.0f, d, 2.0f}, hit));
+  EXPECT_FALSE(occludedAll(mesh, {o, 2.001f, d, kInf}));
+  EXPECT_FALSE(occludedAll(mesh, {o, 0.0f, d, 1.999f}));
+  EXPECT_FALSE(occludedAll(mesh, {o, 3.0f, d, 1.0f}));
+  EXPECT_FALSE(occludedAll(mesh, {o, 0.0f, glm::vec3(0.0f), kInf}));
+  EXPECT_FALSE(occludedAll(mesh, {o, 0.0f, glm::vec3(kInf, 0, 0), kInf}));
+  EXPECT_FALSE(occludedAll(mesh, {o, 0.0f, glm::vec3(std::nanf(""), 0, -1), kInf}));
+  EXPECT_FALSE(occludedAll(mesh, {glm::vec3(std::nanf("")), 0.0f, d, kInf}));
+}
+
+TEST(HccMeshTrace, EdgesOfASheetHoldFromAnyDistance) {
+  const Soup s = sheet(60);
+  const Mesh mesh = build(s);
+  std::mt19937 random(31);
+  for (float distance : {0.5f, 10.0f, 1e3f, 1e7f, 1e12f})
+    for (int i = 0; i < 2000; ++i) {
+      // The sheet is flat enough to be met from above at any of its inner vertices.
+      const auto at = static_cast<std::uint32_t>((10 + random() % 40) * 61 + 10 + random() % 40);
+      const glm::vec3 target = s.positions[at] - glm::vec3(mesh.gridOrigin());
+      const glm::vec3 origin = glm::vec3(target.x, target.y, distance);
+      Hit hit;
+      ASSERT_TRUE(traceAll(mesh, {origin, 0.0f, glm::vec3(0, 0, -1), kInf}, hit)) << distance;
+      EXPECT_NEAR(hit.t / distance, 1.0, 0.5);
+    }
+}

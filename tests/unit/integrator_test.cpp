@@ -1,0 +1,136 @@
+#include "src/crays/integrator.h"
+
+#include <gtest/gtest.h>
+
+#include "src/frame/estimator.h"
+#include "tests/unit/scenes.h"
+
+namespace trex {
+namespace {
+
+constexpr std::uint32_t kSide = 16;
+
+/// Mean radiance of an exact picture of 16x16 pixels.
+vec3 render(const Scene& scene, std::uint32_t samples, double* deviation = nullptr) {
+  const RayScene rays(scene);
+  const LightSet lights(scene, rays.renderOrigin(), rays.bounds());
+  const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
+  const Integrator integrator(scene, rays, lights, camera, GuessOptions{}, 0);
+  Moments all;
+  std::vector<ConeRequest> cones;
+  RayCounts counts;
+  for (std::uint32_t s = 0; s < samples; ++s) {
+    for (std::uint32_t y = 0; y < kSide; ++y) {
+      for (std::uint32_t x = 0; x < kSide; ++x) {
+        all.add(integrator.sample(x, y, kSide, s, false, 0, cones, counts).common);
+      }
+    }
+  }
+  EXPECT_TRUE(cones.empty());
+  if (deviation) *deviation = std::sqrt(all.varianceOfMean().x);
+  return vec3(all.mean());
+}
+
+TEST(Integrator, ClosedFurnaceIsExact) {
+  for (float albedo : {0.0f, 0.5f, 0.9f}) {
+    const vec3 mean = render(test::furnace(albedo), 256);
+    EXPECT_NEAR(mean.x * (1.0f - albedo), 1.0f, 0.004f) << albedo;
+  }
+}
+
+/// A sphere of albedo 1 in a uniform sky can't be seen: all that arrives leaves again.
+TEST(Integrator, WhiteSphereInASkyIsInvisible) {
+  for (float roughness : {0.0f, 1.0f}) {
+    Scene scene;
+    scene.materials = {test::lambert(1.0f)};
+    if (roughness == 0.0f) {  // a perfect mirror
+      scene.materials[0].metallic = 1.0f;
+      scene.materials[0].roughness = 0.0f;
+    }
+    test::place(scene, test::sphere(vec3(0.0f), 1.0f, 0, 32));
+    scene.environment.color = vec3(0.7f);
+    scene.cameras = {test::lookAt(dvec3(0, 0, 3), dvec3(0.0), 0.5f)};
+    EXPECT_NEAR(render(scene, 64).x, 0.7f, 0.003f) << roughness;
+  }
+}
+
+/// So is a smooth glass sphere: what is not reflected is transmitted, 1 / eta^2 in and eta^2 out.
+TEST(Integrator, ClearGlassSphereInASkyIsInvisible) {
+  Scene scene;
+  Material glass;
+  glass.metallic = 0.0f;
+  glass.roughness = 0.0f;
+  glass.transmission = 1.0f;
+  glass.volume = true;
+  for (bool thin : {false, true}) {
+    glass.volume = !thin;
+    scene = Scene{};
+    scene.materials = {glass};
+    test::place(scene, test::sphere(vec3(0.0f), 1.0f, 0, 32));
+    scene.environment.color = vec3(0.7f);
+    scene.cameras = {test::lookAt(dvec3(0, 0, 3), dvec3(0.0), 0.5f)};
+    EXPECT_NEAR(render(scene, 256).x, 0.7f, 0.006f) << thin;
+  }
+}
+
+/// A floor under a point light: E = I cos / d^2, L = albedo E / pi.
+TEST(Integrator, PointLightOnAFloor) {
+  Scene scene;
+  scene.materials = {test::lambert(0.6f)};
+  Mesh floor;
+  floor.positions = {vec3(-5, 0, -5), vec3(-5, 0, 5), vec3(5, 0, 5), vec3(5, 0, -5)};
+  floor.triangles = {{0, 1, 2}, {0, 2, 3}};
+  test::place(scene, floor);
+  Light light;
+  light.position = dvec3(0, 2, 0);
+  light.intensity = vec3(10.0f);
+  scene.lights = {light};
+  scene.cameras = {test::lookAt(dvec3(0, 1, 0), dvec3(0.0, 0.0, 1e-4), 0.01f)};
+  EXPECT_NEAR(render(scene, 4).x, 0.6f / kPi * 10.0f / 4.0f, 1e-3f);
+}
+
+/// The same lamp found by light sampling alone, and by chance too: multiple importance sampling must
+/// not change the mean where both can find it.
+TEST(Integrator, LargeLampOverAGlossyFloorAgreesWithItsMirrorLimit) {
+  Scene scene;
+  scene.materials = {test::lambert(0.0f, 2.0f), Material{}};
+  scene.materials[1].baseColor = vec4(1.0f);
+  scene.materials[1].roughness = 0.1f;
+  Mesh lamp;
+  lamp.positions = {vec3(-40, 3, -40), vec3(40, 3, -40), vec3(40, 3, 40), vec3(-40, 3, 40)};
+  lamp.triangles = {{0, 1, 2}, {0, 2, 3}};
+  Mesh floor;
+  floor.material = 1;
+  floor.positions = {vec3(-5, 0, -5), vec3(-5, 0, 5), vec3(5, 0, 5), vec3(5, 0, -5)};
+  floor.triangles = {{0, 1, 2}, {0, 2, 3}};
+  test::place(scene, lamp);
+  test::place(scene, floor);
+  scene.cameras = {test::lookAt(dvec3(1, 1, 1), dvec3(0.0), 0.2f)};
+  // A white metal under a lamp that fills its whole lobe shows the lamp's radiance, but for the small
+  // single-scattering loss of a smooth GGX lobe.
+  EXPECT_NEAR(render(scene, 128).x, 2.0f, 0.02f);
+}
+
+TEST(Integrator, AlphaCoverageLetsLightPassInProportion) {
+  Scene scene;
+  Material veil = test::lambert(0.0f);
+  veil.alphaMode = AlphaMode::kBlend;
+  veil.baseColor.w = 0.25f;
+  scene.materials = {veil};
+  Mesh sheet;
+  sheet.positions = {vec3(-5, -5, 0), vec3(5, -5, 0), vec3(5, 5, 0), vec3(-5, 5, 0)};
+  sheet.triangles = {{0, 1, 2}, {0, 2, 3}};
+  test::place(scene, sheet);
+  scene.environment.color = vec3(1.0f);
+  scene.cameras = {test::lookAt(dvec3(0, 0, 3), dvec3(0.0), 0.3f)};
+  EXPECT_NEAR(render(scene, 256).x, 0.75f, 0.01f);
+}
+
+TEST(Integrator, EmptyViewIsTheEnvironmentAndBlackIsBlack) {
+  Scene scene = test::furnace(0.5f);
+  scene.materials[0] = test::lambert(0.5f);
+  EXPECT_EQ(render(scene, 2), vec3(0.0f));
+}
+
+}  // namespace
+}  // namespace trex
