@@ -27,7 +27,7 @@ namespace {
 
 struct RenderArguments {
   std::string input, output;
-  std::string size = "640x360", camera, environment, device = "auto", guess = "auto", exposure = "auto";
+  std::string size = "640x360", camera, environment, device = "auto", guess = "auto", exposure = "auto", denoise = "auto";
   std::string maxMemory;
   std::vector<std::string> layers;
   RenderSettings settings;
@@ -37,6 +37,8 @@ struct RenderArguments {
 
 void readSettings(RenderArguments& a) {
   parseSize(a.size, a.settings.width, a.settings.height);
+  if (std::isnan(a.settings.exact)) fail(ExitCode::kUsage, "--exact nan: want 0 to 1");
+  if (std::isnan(a.settings.seconds)) fail(ExitCode::kUsage, "--time nan: want seconds");
   if (!a.maxMemory.empty()) a.settings.maxMemory = parseBytes(a.maxMemory);
   if (a.settings.samples == 0 && a.settings.seconds == 0.0) a.settings.samples = 64;
   if (a.device == "none") {
@@ -49,6 +51,7 @@ void readSettings(RenderArguments& a) {
     }
     a.settings.device = static_cast<int>(number);
   }
+  a.settings.denoise = a.denoise == "auto";
   a.settings.guess = a.guess == "ray"    ? GuessKind::kRay
                      : a.guess == "cone" ? GuessKind::kCone
                                          : GuessKind::kAuto;
@@ -69,7 +72,8 @@ void checkBudget(const RenderArguments& a, const Scene& scene) {
   const bool pairs = a.settings.exact > 0.0 && a.settings.exact < 1.0;
   const std::uint64_t frame =
       Accumulator::bytesNeeded(a.settings.width, a.settings.height, pairs) +
-      std::uint64_t{a.settings.width} * a.settings.height * 7 * sizeof(float);
+      (a.settings.denoise ? FeatureImage::bytesNeeded(a.settings.width, a.settings.height) * 4 : 0) +
+      std::uint64_t{a.settings.width} * a.settings.height * 16 * sizeof(float);
   constexpr std::uint64_t kMeshBytesATriangle = 120;  // source, clusters and build, measured peak
   const std::uint64_t mesh = scene.uniqueTriangleCount() * kMeshBytesATriangle;
   const std::uint64_t limit = a.settings.maxMemory ? a.settings.maxMemory : availableMemoryLimit();
@@ -133,11 +137,7 @@ void addMetadata(Picture& picture, const RenderArguments& a, const SessionReport
 }
 
 int finish(const RenderArguments& a, const Session& session, double importSeconds) {
-  PictureLayers layers;
-  for (const std::string& name : a.layers) {
-    (name == "variance" ? layers.variance : layers.sampleCount) = true;
-  }
-  Picture picture = session.picture(layers);
+  Picture picture = session.picture();
   const SessionReport report = session.report();
   addMetadata(picture, a, report);
   const float exposure = exposureOf(a, picture);
@@ -180,14 +180,19 @@ int render(RenderArguments& a) {
   options.environmentGiven = !a.environment.empty();
   Scene scene = importScene(a.input, options);
   if (!a.environment.empty()) scene.environment = parseEnvironment(a.environment);
-  for (const std::string& w : scene.warnings) logWarning("{}: {}", a.input, w);
   const Camera camera = a.camera.empty() ? scene.cameras.front() : parseCamera(a.camera, scene);
   checkBudget(a, scene);
   const double importSeconds = seconds() - start;
   logVerbose("{}: {} triangles, {} unique, {} instances", a.input, scene.triangleCount(),
              scene.uniqueTriangleCount(), scene.instances.size());
   catchInterrupts();
-  Session session(std::move(scene), camera, a.settings);
+  PictureLayers layers;
+  for (const std::string& name : a.layers) {
+    layers.variance |= name == "variance";
+    layers.sampleCount |= name == "sampleCount";
+    layers.features |= name == "features";
+  }
+  Session session(std::move(scene), camera, a.settings, layers);
   {
     Progress progress;
     session.run([&](double share) {
@@ -221,9 +226,12 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
       ->check(CLI::IsMember({"auto", "ray", "cone"}))
       ->capture_default_str();
   c->add_option("--exposure", a->exposure, "Exposure of .png in stops, or auto")->capture_default_str();
-  c->add_option("--aov", a->layers, "Layers of an .exr besides R, G, B: variance,sampleCount")
+  c->add_option("--aov", a->layers, "Layers of an .exr besides R, G, B: variance,sampleCount,features")
       ->delimiter(',')
-      ->check(CLI::IsMember({"variance", "sampleCount"}));
+      ->check(CLI::IsMember({"variance", "sampleCount", "features"}));
+  c->add_option("--denoise", a->denoise, "Filter the guess: auto (with --exact 0), off")
+      ->check(CLI::IsMember({"auto", "off"}))
+      ->capture_default_str();
   c->add_option("--seed", a->settings.seed, "Seed of all random numbers")->capture_default_str();
   c->add_option("--threads", a->threads, "CPU threads [all]")->check(CLI::Range(1, 4096));
   c->add_option("--max-memory", a->maxMemory, "Memory this process may use, such as 8G [all]");

@@ -62,6 +62,8 @@ struct Integrator::Path {
   float roughness = 0.0f;        // of the last lobe
   bool coneRay = false;          // the last vertex hands its far field to a cone
   int bounces = 0;
+  float length = 0.0f;           // from the eye to the last surface
+  bool seen = false;             // the feature is known
   RayHit hit{};
 
   void add(const vec3& light) { (coupled ? result.common : result.exact) += light; }
@@ -152,7 +154,15 @@ bool Integrator::meet(Path& path) const {
     path.origin = leave(surface, path.direction);
     path.tnear = 0.0f;
     path.travelled += path.hit.t;
+    path.length += path.hit.t;
     return ++path.bounces < kMostLayers;
+  }
+  path.length += path.hit.t;
+  if (!path.seen && (!bsdf.onlyDelta() || bsdf.unlit())) {
+    path.seen = true;
+    const bool plain = bsdf.cacheable() && maxComponent(bsdf.emission()) <= 0.0f;
+    path.result.feature = {plain ? bsdf.cachedAlbedo() : vec3(1.0f), bsdf.normal(),
+                           surface.position, camera_.footprint(path.length)};
   }
   if (maxComponent(bsdf.emission()) > 0.0f) {
     float weight = 1.0f;

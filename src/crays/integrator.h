@@ -15,6 +15,7 @@
 #include "src/crays/light_cache.h"
 #include "src/crays/lights.h"
 #include "src/crays/ray_scene.h"
+#include "src/frame/features.h"
 
 namespace trex {
 
@@ -25,6 +26,10 @@ class CameraRays {
              std::uint32_t height);
   /// Ray through image position (x, y) in pixels from the upper left corner.
   void ray(float x, float y, vec3& origin, vec3& direction) const;
+  /// Width of a pixel after `distance` metres, metres.
+  float footprint(float distance) const {
+    return (orthographic_ ? 1.0f : distance) * 2.0f * halfHeight_ / height_;
+  }
 
  private:
   vec3 eye_, forward_, right_, up_;
@@ -46,6 +51,7 @@ struct ConeRequest {
 /// One sample of a pixel. G = common + guess + cones; X = common + exact.
 struct PathSample {
   vec3 common{0.0f}, guess{0.0f}, exact{0.0f};
+  Feature feature;
 };
 
 /// Rays by class, for the report.

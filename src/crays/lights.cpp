@@ -39,6 +39,17 @@ vec3 uniformSphere(vec2 u) {
   return vec3(r * std::cos(2.0f * kPi * u.y), r * std::sin(2.0f * kPi * u.y), z);
 }
 
+/// The unit square onto the unit disk, areas and neighbourhoods kept [Shirley and Chiu 1997], so that
+/// boxes of a guide stay compact.
+vec2 concentricDisk(vec2 u) {
+  const vec2 p = 2.0f * u - 1.0f;
+  if (p.x == 0.0f && p.y == 0.0f) return vec2(0.0f);
+  const bool wide = std::abs(p.x) > std::abs(p.y);
+  const float r = wide ? p.x : p.y;
+  const float angle = wide ? 0.25f * kPi * (p.y / p.x) : 0.5f * kPi - 0.25f * kPi * (p.x / p.y);
+  return r * vec2(std::cos(angle), std::sin(angle));
+}
+
 std::uint64_t lightKey(std::uint32_t object, std::uint32_t material) {
   return std::uint64_t{object} << 32 | material;
 }
@@ -436,31 +447,47 @@ float LightSet::largestPhotonPower() const {
     if (e.kind == Kind::kConstant) color = environment_.color;
     const float brightest = maxComponent(color) / std::max(luminance(color), 1e-30f);
     // A map's photons differ from each other by what bilinear filtering and colours add.
-    largest = std::max(largest, e.kind == Kind::kMap ? 64.0f : brightest);
+    const float guided = outsideDimensions(e) > 0 ? 1.0f / EmissionGuide::kUniformShare : 1.0f;
+    largest = std::max(largest, (e.kind == Kind::kMap ? 64.0f : brightest) * guided);
   }
   return largest * static_cast<float>(totalPower_);
 }
 
-bool LightSet::emit(Sampler& sampler, EmittedPhoton& out) const {
+/// Dimensions of a source's primary sample space if it shines from outside, else 0.
+int LightSet::outsideDimensions(const Entry& source) const {
+  switch (source.kind) {
+    case Kind::kLuminaire: return 0;
+    case Kind::kPunctual:
+      return punctual_[source.index].light.type == Light::Type::kDirectional ? 2 : 0;
+    case Kind::kMap:
+    case Kind::kConstant: return 4;
+  }
+  return 0;
+}
+
+std::vector<EmissionGuide> LightSet::guides() const {
+  std::vector<EmissionGuide> guides;
+  bool any = false;
+  for (const Entry& e : sources_) {
+    guides.emplace_back(outsideDimensions(e));
+    any |= guides.back().dimensions() > 0;
+  }
+  return any ? guides : std::vector<EmissionGuide>{};
+}
+
+bool LightSet::emit(Sampler& sampler, EmittedPhoton& out,
+                    std::span<const EmissionGuide> guides) const {
   if (!(totalPower_ > 0.0)) return false;
   float unused = 0.0f;
   const std::size_t index = pick(sourceCumulative_, sampler.next1D(), unused);
   const Entry& entry = sources_[index];
-  switch (entry.kind) {
-    case Kind::kLuminaire: emitLuminaire(luminaires_[entry.index], sampler, out); break;
-    case Kind::kPunctual: emitPunctual(punctual_[entry.index], sampler, out); break;
-    case Kind::kMap: {
-      float pdf = 0.0f;
-      const vec3 from = mapDirection(sampler.next2D(), pdf);
-      emitFromSphere(-from, sampler, out);
-      out.power = environment(from) * (kPi * radius_ * radius_ / pdf);
-      break;
-    }
-    case Kind::kConstant: {
-      emitFromSphere(uniformSphere(sampler.next2D()), sampler, out);
-      out.power = environment_.color * (4.0f * kPi * kPi * radius_ * radius_);
-      break;
-    }
+  out.source = static_cast<std::uint32_t>(index);
+  if (outsideDimensions(entry) > 0) {
+    emitOutside(entry, sampler, guides, out);
+  } else if (entry.kind == Kind::kLuminaire) {
+    emitLuminaire(luminaires_[entry.index], sampler, out);
+  } else {
+    emitPunctual(punctual_[entry.index], sampler, out);
   }
   out.power *= static_cast<float>(totalPower_ / entry.power);
   return isFinite(out.power) && maxComponent(out.power) > 0.0f;
@@ -492,11 +519,6 @@ void LightSet::emitLuminaire(const Luminaire& luminaire, Sampler& sampler,
 
 void LightSet::emitPunctual(const Punctual& punctual, Sampler& sampler, EmittedPhoton& out) const {
   const Light& light = punctual.light;
-  if (light.type == Light::Type::kDirectional) {
-    emitFromSphere(light.direction, sampler, out);
-    out.power = light.intensity * (kPi * radius_ * radius_);
-    return;
-  }
   out.origin = punctual.position;
   const vec2 u = sampler.next2D();
   if (light.type == Light::Type::kSpot) {
@@ -511,14 +533,42 @@ void LightSet::emitPunctual(const Punctual& punctual, Sampler& sampler, EmittedP
   out.power = light.intensity * (4.0f * kPi);
 }
 
-/// A photon from outside: through the disk that the sphere around the scene shows to `towards`.
-void LightSet::emitFromSphere(const vec3& towards, Sampler& sampler, EmittedPhoton& out) const {
-  const vec2 u = sampler.next2D();
-  const float r = radius_ * std::sqrt(u.x), phi = 2.0f * kPi * u.y;
+/// A photon of the sky, the map or a sun, started where its guide says.
+void LightSet::emitOutside(const Entry& source, Sampler& sampler,
+                           std::span<const EmissionGuide> guides, EmittedPhoton& out) const {
+  const bool sky = source.kind != Kind::kPunctual;
+  const vec2 first = sampler.next2D();
+  const vec2 second = sky ? sampler.next2D() : vec2(0.0f);
+  out.primary = sky ? vec4(second, first) : vec4(first, second);
+  out.density = 1.0f;
+  if (out.source < guides.size()) {
+    out.density = guides[out.source].warp(sampler.next1D(), out.primary);
+  }
+  const vec2 disk(out.primary.x, out.primary.y), direction(out.primary.z, out.primary.w);
+  const float area = kPi * radius_ * radius_;
+  if (source.kind == Kind::kPunctual) {
+    const Light& light = punctual_[source.index].light;
+    emitFromSphere(light.direction, disk, out);
+    out.power = light.intensity * area;
+  } else if (source.kind == Kind::kMap) {
+    float pdf = 0.0f;
+    const vec3 from = mapDirection(direction, pdf);
+    emitFromSphere(-from, disk, out);
+    out.power = environment(from) * (area / pdf);
+  } else {
+    emitFromSphere(uniformSphere(direction), disk, out);
+    out.power = environment_.color * (4.0f * kPi * area);
+  }
+  out.power /= out.density;
+}
+
+/// A photon through the disk that the sphere around the scene shows to `towards`.
+void LightSet::emitFromSphere(const vec3& towards, vec2 u, EmittedPhoton& out) const {
+  const vec2 d = radius_ * concentricDisk(u);
   const Basis basis(towards);
   out.direction = towards;
-  out.origin = centre_ + basis.tangent * (r * std::cos(phi)) + basis.bitangent * (r * std::sin(phi)) -
-               towards * (radius_ * 1.001f);
+  out.origin =
+      centre_ + basis.tangent * d.x + basis.bitangent * d.y - towards * (radius_ * 1.001f);
 }
 
 }  // namespace trex

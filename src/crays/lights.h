@@ -8,11 +8,13 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <unordered_map>
 #include <vector>
 
 #include "src/core/maths.h"
 #include "src/core/sampler.h"
+#include "src/crays/photon_guide.h"
 #include "src/scene/scene.h"
 
 namespace trex {
@@ -34,6 +36,11 @@ struct LightSample {
 struct EmittedPhoton {
   vec3 origin{0.0f}, direction{0.0f};
   vec3 power{0.0f};   ///< W
+  /// How it was chosen, for EmissionGuide::learn: the source, the place in its primary sample space
+  /// (direction, disk) and the density there over the uniform one. Set for outside sources.
+  std::uint32_t source = 0;
+  vec4 primary{0.0f};
+  float density = 1.0f;
 };
 
 class LightSet {
@@ -60,8 +67,11 @@ class LightSet {
   vec3 environment(const vec3& direction) const;
   bool hasEnvironment() const { return environment_.present(); }
 
-  /// Photon number `index`; deterministic. False if the photon carries nothing.
-  bool emit(Sampler& sampler, EmittedPhoton& out) const;
+  /// A photon; a function of the sampler's numbers and the guides. False if it carries nothing.
+  /// `guides`: none, or one a source as guides() makes them.
+  bool emit(Sampler& sampler, EmittedPhoton& out, std::span<const EmissionGuide> guides = {}) const;
+  /// Guides that know nothing yet, by source; none if no source shines from outside.
+  std::vector<EmissionGuide> guides() const;
   /// Total power of all lights, W, by luminance.
   double totalPower() const { return totalPower_; }
   /// The largest channel of a photon's power that emit() can return.
@@ -109,7 +119,10 @@ class LightSet {
   vec3 mapDirection(vec2 u, float& pdf) const;
   void emitLuminaire(const Luminaire& luminaire, Sampler& sampler, EmittedPhoton& out) const;
   void emitPunctual(const Punctual& punctual, Sampler& sampler, EmittedPhoton& out) const;
-  void emitFromSphere(const vec3& towards, Sampler& sampler, EmittedPhoton& out) const;
+  int outsideDimensions(const Entry& source) const;
+  void emitOutside(const Entry& source, Sampler& sampler, std::span<const EmissionGuide> guides,
+                   EmittedPhoton& out) const;
+  void emitFromSphere(const vec3& towards, vec2 u, EmittedPhoton& out) const;
 
   std::vector<Emitter> emitters_;
   std::vector<double> emitterCumulative_;  ///< area before each emitter, over all luminaires

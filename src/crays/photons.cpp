@@ -50,7 +50,8 @@ bool land(const Scene& scene, const RayScene& rays, Sampler& sampler, const Emit
 
 std::vector<LandedPhoton> landPhotons(const Scene& scene, const RayScene& rays,
                                       const LightSet& lights, std::uint32_t seed,
-                                      std::uint64_t first, std::uint64_t count) {
+                                      std::uint64_t first, std::uint64_t count,
+                                      std::span<const EmissionGuide> guides) {
   const std::uint64_t chunks = (count + kChunk - 1) / kChunk;
   std::vector<std::vector<LandedPhoton>> landed(chunks);
   tbb::parallel_for(std::uint64_t{0}, chunks, [&](std::uint64_t chunk) {
@@ -60,8 +61,11 @@ std::vector<LandedPhoton> landPhotons(const Scene& scene, const RayScene& rays,
       Sampler sampler(0x70686f74u, index, seed);
       EmittedPhoton photon;
       LandedPhoton out;
-      out.index = index;
-      if (lights.emit(sampler, photon) && land(scene, rays, sampler, photon, out)) {
+      if (lights.emit(sampler, photon, guides) && land(scene, rays, sampler, photon, out)) {
+        out.index = index;
+        out.source = photon.source;
+        out.primary = photon.primary;
+        out.density = photon.density;
         landed[chunk].push_back(out);
       }
     }
@@ -69,6 +73,20 @@ std::vector<LandedPhoton> landPhotons(const Scene& scene, const RayScene& rays,
   std::vector<LandedPhoton> all;
   for (const auto& part : landed) all.insert(all.end(), part.begin(), part.end());
   return all;
+}
+
+std::size_t learn(std::span<const LandedPhoton> landed, const ImportanceMap& importance,
+                  std::span<EmissionGuide> guides) {
+  std::size_t wanted = 0;
+  for (const LandedPhoton& p : landed) {
+    if (p.source >= guides.size() || guides[p.source].dimensions() == 0) continue;
+    const float visits = importance.visits(p.position, p.normal);
+    if (!(visits > 0.0f)) continue;
+    guides[p.source].learn(p.primary, p.density, visits);
+    ++wanted;
+  }
+  for (EmissionGuide& guide : guides) guide.update();
+  return wanted;
 }
 
 }  // namespace trex

@@ -1,8 +1,9 @@
-// First flights of photons: from a light, through specular chains, to the first surface that can hold
-// light. They are C-rays, so direct light and caustics in the cache are sharp [Jensen 1996].
+// First flights of photons: from a light, through specular chains, to the first surface that can
+// hold light. They are C-rays, so direct light and caustics in the cache are sharp [Jensen 1996].
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "src/crays/lights.h"
@@ -14,12 +15,21 @@ struct LandedPhoton {
   vec3 position, normal;  ///< normal: geometric, unit, on the side the light came from
   vec3 power;             ///< W, as EmittedPhoton
   std::uint32_t index;
+  std::uint32_t source;  ///< this and the rest as in EmittedPhoton
+  vec4 primary;
+  float density;
 };
 
 /// Traces photons first, first + 1, ... first + count - 1; those that land, in the order of their
-/// numbers. Deterministic for any number of threads (oneTBB).
+/// numbers. Deterministic for any number of threads (oneTBB). `guides` as in LightSet::emit.
 std::vector<LandedPhoton> landPhotons(const Scene& scene, const RayScene& rays,
                                       const LightSet& lights, std::uint32_t seed,
-                                      std::uint64_t first, std::uint64_t count);
+                                      std::uint64_t first, std::uint64_t count,
+                                      std::span<const EmissionGuide> guides = {});
+
+/// Teaches the guides which photons landed where light is wanted, in their order. Returns how many
+/// of the sources with a guide did.
+std::size_t learn(std::span<const LandedPhoton> landed, const ImportanceMap& importance,
+                  std::span<EmissionGuide> guides);
 
 }  // namespace trex

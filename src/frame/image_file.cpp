@@ -39,6 +39,7 @@ void writeExr(const fs::path& path, const fs::path& target, const Picture& pictu
                        static_cast<int>(picture.channels.size()), OIIO::TypeDesc::FLOAT);
   spec.channelnames = picture.channels;
   spec.attribute("compression", "zip");
+  spec.attribute("DateTime", "1970:01:01 00:00:00");  // equal renders make equal files
   spec.attribute("oiio:ColorSpace", "linear");
   for (const auto& [key, value] : picture.metadata) spec.attribute(key, value);
   writeBuffer(path, target, spec, OIIO::TypeDesc::FLOAT, picture.values.data());

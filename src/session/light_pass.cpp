@@ -8,7 +8,9 @@
 namespace trex {
 namespace {
 
-constexpr std::uint64_t kBatch = 1u << 18;      // photons landed at a time
+constexpr std::uint64_t kBatch = 1u << 18;  // photons landed at a time
+/// Guides learn after each batch, so the first ones are small.
+constexpr std::uint64_t kPilotBatch = 1u << 14, kPilotPhotons = 1u << 17;
 constexpr std::uint64_t kMostPhotons = 1u << 31;  // photon numbers are 32 bits wide
 /// Counts of the largest photon: 2^31 photons x 2^6 deposits x 2^20 counts stay below 2^63.
 constexpr double kLargestCounts = 1u << 20;
@@ -16,9 +18,8 @@ constexpr double kLargestCounts = 1u << 20;
 }  // namespace
 
 std::uint64_t photonTarget(std::uint32_t sample, std::uint64_t pixels) {
-  const std::uint64_t base = std::clamp<std::uint64_t>(pixels, 1u << 14, 1u << 20);
-  const std::uint64_t rounds = 1 + std::bit_floor(sample) / 2;
-  return std::min(base * rounds, kMostPhotons);
+  const std::uint64_t base = std::clamp<std::uint64_t>(pixels / 2, 1u << 12, 1u << 20);
+  return std::min(base + base * std::bit_floor(sample) / 4, kMostPhotons);
 }
 
 LightPass::LightPass(const Scene& scene, const RayScene& rays, const LightSet& lights,
@@ -31,17 +32,30 @@ LightPass::LightPass(const Scene& scene, const RayScene& rays, const LightSet& l
   unit_ = static_cast<double>(lights.largestPhotonPower()) / scale_ / kLargestCounts;
 }
 
+void LightPass::aim(const CameraRays& camera, std::uint32_t width, std::uint32_t height) {
+  guides_ = lights_.guides();
+  if (guides_.empty()) return;
+  const auto start = std::chrono::steady_clock::now();
+  importance_ = ImportanceMap(scene_, rays_, camera, width, height, seed_);
+  if (importance_.empty()) guides_.clear();
+  const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+  seconds_ += taken.count();
+}
+
 bool LightPass::run(std::uint64_t target) {
   if (target <= emitted_ || !lights_.anyPower()) return false;
   const auto start = std::chrono::steady_clock::now();
   std::vector<shaderio::PhotonRecord> records;
   const auto inverse = static_cast<float>(1.0 / scale_);
   while (emitted_ < target) {
-    const std::uint64_t count = std::min(kBatch, target - emitted_);
+    const bool pilot = !guides_.empty() && emitted_ < kPilotPhotons;
+    const std::uint64_t count = std::min(pilot ? kPilotBatch : kBatch, target - emitted_);
+    const auto landed = landPhotons(scene_, rays_, lights_, seed_, emitted_, count, guides_);
+    wanted_ += learn(landed, importance_, guides_);
     records.clear();
-    for (const LandedPhoton& p : landPhotons(scene_, rays_, lights_, seed_, emitted_, count)) {
-      records.push_back({p.position, cache_.tracer().asvoOctEncode(p.normal), p.power * inverse,
-                         p.index});
+    for (const LandedPhoton& p : landed) {
+      records.push_back(
+          {p.position, cache_.tracer().asvoOctEncode(p.normal), p.power * inverse, p.index});
     }
     if (!records.empty()) device_.tracePhotons(records, unit_);
     emitted_ += count;

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 
+#include "src/crays/integrator.h"
 #include "src/crays/light_cache.h"
 #include "src/crays/photons.h"
 #include "src/grays/grays.h"
@@ -11,8 +12,8 @@
 namespace trex {
 
 /// Photons that should have been emitted before sample number `sample` of a picture of `pixels`
-/// pixels. Depends on nothing else, so that equal samples see equal light; constant between powers of
-/// two, so that resolving costs little; about a third of the work of gathering.
+/// pixels. Depends on nothing else, so that equal samples see equal light; constant between powers
+/// of two, so that resolving costs little; about a third of the work of gathering.
 std::uint64_t photonTarget(std::uint32_t sample, std::uint64_t pixels);
 
 class LightPass {
@@ -20,11 +21,18 @@ class LightPass {
   LightPass(const Scene& scene, const RayScene& rays, const LightSet& lights, GRayTracer& device,
             LightCache& cache, std::uint32_t seed);
 
+  /// Photons of outside sources shall go where this camera's picture of width x height needs light.
+  /// To be called before the first run(); without it they start uniformly. Costs some ms, and
+  /// nothing if no source shines from outside.
+  void aim(const CameraRays& camera, std::uint32_t width, std::uint32_t height);
+
   /// Shoots what is missing up to `target` photons in all and resolves. True if anything was done.
   bool run(std::uint64_t target);
 
   std::uint64_t emitted() const { return emitted_; }
   std::uint64_t landed() const { return landed_; }
+  /// Of the photons from outside, those that landed where aim() found light to be wanted.
+  std::uint64_t wanted() const { return wanted_; }
   double seconds() const { return seconds_; }
   /// W/m^2 in one unit of the device's irradiance: the mean over the scene's sphere, so that the
   /// stored half-precision values lie around one whatever the lights' power.
@@ -38,7 +46,9 @@ class LightPass {
   LightCache& cache_;
   std::uint32_t seed_;
   double scale_ = 1.0, unit_ = 1.0, seconds_ = 0.0;
-  std::uint64_t emitted_ = 0, landed_ = 0;
+  std::uint64_t emitted_ = 0, landed_ = 0, wanted_ = 0;
+  ImportanceMap importance_;
+  std::vector<EmissionGuide> guides_;  ///< by source; none if nothing is to be guided
 };
 
 }  // namespace trex

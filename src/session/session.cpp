@@ -9,6 +9,7 @@
 #include "src/core/error.h"
 #include "src/core/log.h"
 #include "src/core/memory.h"
+#include "src/frame/denoise.h"
 #include "src/session/light_pass.h"
 #include "src/session/voxel_source.h"
 
@@ -49,11 +50,17 @@ struct Session::TileWork {
   bool full = false;
 };
 
-Session::Session(Scene scene, const Camera& camera, const RenderSettings& settings)
+Session::Session(Scene scene, const Camera& camera, const RenderSettings& settings,
+                 const PictureLayers& layers)
     : settings_(settings),
+      layers_(layers),
       scene_(std::move(scene)),
       frame_(settings.width, settings.height, settings.exact > 0.0 && settings.exact < 1.0),
       tiles_(makeTiles(settings.width, settings.height, kTileSize)) {
+  settings_.denoise &= settings_.exact <= 0.0;
+  if (settings_.denoise || layers_.features) {
+    features_ = std::make_unique<FeatureImage>(settings_.width, settings_.height);
+  }
   double mark = now();
   rays_ = std::make_unique<RayScene>(scene_);
   lights_ = std::make_unique<LightSet>(scene_, rays_->renderOrigin(), rays_->bounds());
@@ -191,6 +198,7 @@ void Session::merge(TileWork& work) {
       const vec3 exact = p.common + p.exact;
       frame_.add(work.tile.x + column, work.tile.y + row, work.sample, p.common + p.guess,
                  work.paired[i] ? &exact : nullptr);
+      if (features_) features_->add(work.tile.x + column, work.tile.y + row, p.feature);
     }
   }
 }
@@ -210,26 +218,48 @@ double Session::progress() const {
   return std::min(done, 1.0);
 }
 
-Picture Session::picture(const PictureLayers& layers) const {
+/// What the viewer gets to see of the frame: means, filtered if asked for.
+std::vector<vec3> Session::shown() const {
+  std::vector<vec3> mean, variance;
+  mean.reserve(std::size_t{settings_.width} * settings_.height);
+  for (std::uint32_t y = 0; y < settings_.height; ++y) {
+    for (std::uint32_t x = 0; x < settings_.width; ++x) {
+      mean.emplace_back(frame_.mean(x, y));
+      if (settings_.denoise) variance.emplace_back(frame_.varianceOfMean(x, y));
+    }
+  }
+  return settings_.denoise ? denoiseGuess(*features_, mean, variance) : mean;
+}
+
+Picture Session::picture() const {
   Picture picture;
   picture.width = settings_.width;
   picture.height = settings_.height;
-  picture.channels = {"R", "G", "B"};
-  if (layers.variance) {
-    for (const char* name : {"variance.R", "variance.G", "variance.B"}) {
-      picture.channels.emplace_back(name);
-    }
+  std::vector<std::string>& channels = picture.channels;
+  channels = {"R", "G", "B"};
+  const auto put = [&](const std::string& layer, const char* names) {
+    for (const char* n = names; *n; ++n) channels.push_back(layer + '.' + *n);
+  };
+  if (layers_.variance) put("variance", "RGB");
+  if (layers_.sampleCount) channels.emplace_back("sampleCount");
+  if (layers_.features) {
+    put("albedo", "RGB");
+    put("normal", "XYZ");
+    put("position", "XYZ");
   }
-  if (layers.sampleCount) picture.channels.emplace_back("sampleCount");
-  picture.values.reserve(picture.channels.size() * settings_.width * settings_.height);
+  std::vector<float>& values = picture.values;
+  values.reserve(channels.size() * settings_.width * settings_.height);
+  const auto add = [&](const vec3& v) { values.insert(values.end(), {v.x, v.y, v.z}); };
+  const std::vector<vec3> colors = shown();
   for (std::uint32_t y = 0; y < settings_.height; ++y) {
     for (std::uint32_t x = 0; x < settings_.width; ++x) {
-      const dvec3 mean = frame_.mean(x, y), variance = frame_.varianceOfMean(x, y);
-      for (int c = 0; c < 3; ++c) picture.values.push_back(static_cast<float>(mean[c]));
-      for (int c = 0; c < 3 && layers.variance; ++c) {
-        picture.values.push_back(static_cast<float>(variance[c]));
+      add(colors[std::size_t{y} * settings_.width + x]);
+      if (layers_.variance) add(vec3(frame_.varianceOfMean(x, y)));
+      if (layers_.sampleCount) values.push_back(static_cast<float>(frame_.samples(x, y)));
+      if (layers_.features) {
+        const Feature f = features_->mean(x, y);
+        for (const vec3& v : {f.albedo, f.normal, f.position}) add(v);
       }
-      if (layers.sampleCount) picture.values.push_back(static_cast<float>(frame_.samples(x, y)));
     }
   }
   return picture;

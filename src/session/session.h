@@ -20,6 +20,7 @@
 
 #include "src/crays/integrator.h"
 #include "src/frame/accumulator.h"
+#include "src/frame/features.h"
 #include "src/frame/image_file.h"
 #include "src/frame/tiles.h"
 #include "src/grays/grays.h"
@@ -32,8 +33,9 @@ class LightPass;
 
 /// Layers of a picture besides its R, G, B.
 struct PictureLayers {
-  bool variance = false;     ///< variance.R, .G, .B: of the mean
+  bool variance = false;     ///< variance.R, .G, .B: of the mean, before any filter
   bool sampleCount = false;  ///< sampleCount
+  bool features = false;     ///< albedo.R .. .B, normal.X .. .Z, position.X .. .Z (render space)
 };
 
 /// Seconds by phase, counts and memory, for --json and the progress line.
@@ -54,7 +56,9 @@ struct SessionReport {
 class Session {
  public:
   /// Builds what the scene and the settings require, and nothing else. Throws Error.
-  Session(Scene scene, const Camera& camera, const RenderSettings& settings);
+  /// `layers`: those that picture() will be asked for.
+  Session(Scene scene, const Camera& camera, const RenderSettings& settings,
+          const PictureLayers& layers = {});
   ~Session();
 
   /// Asked between tiles; false ends the run. Gets the share of the goal that is done, [0, 1].
@@ -63,8 +67,8 @@ class Session {
   /// Renders until the samples or the seconds of the settings are reached or keepGoing says no.
   void run(const KeepGoing& keepGoing);
 
-  /// The frame so far: R, G, B, and the layers asked for.
-  Picture picture(const PictureLayers& layers = {}) const;
+  /// The frame so far: R, G, B (filtered, if the settings ask for it), and the layers.
+  Picture picture() const;
   SessionReport report() const;
   const Accumulator& frame() const { return frame_; }
   /// Complete passes so far.
@@ -80,9 +84,11 @@ class Session {
   void merge(TileWork& work);
   bool goalReached(std::uint32_t sample) const;
   double progress() const;
+  std::vector<vec3> shown() const;
   double elapsed() const;
 
   RenderSettings settings_;
+  PictureLayers layers_;
   Scene scene_;
   SessionReport report_;
   std::unique_ptr<RayScene> rays_;
@@ -91,6 +97,7 @@ class Session {
   std::unique_ptr<CameraRays> camera_;
   std::unique_ptr<Integrator> integrator_;
   Accumulator frame_;
+  std::unique_ptr<FeatureImage> features_;  ///< null where nobody asks
   std::vector<Tile> tiles_;
   std::size_t tilesDone_ = 0;          ///< of the pass under way
   double start_ = 0.0;

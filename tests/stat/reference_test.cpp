@@ -37,7 +37,7 @@ struct Rendered {
 Rendered render(const RenderSettings& settings) {
   Scene scene = importScene(kSource / "assets/cornell.glb");
   const Camera camera = scene.cameras.front();
-  Session session(std::move(scene), camera, settings);
+  Session session(std::move(scene), camera, settings, {.variance = true});
   session.run([](double) { return true; });
   EXPECT_EQ(session.report().nonFinite, 0u);
   Rendered out;
@@ -53,7 +53,7 @@ Rendered render(const RenderSettings& settings) {
       out.totalVariance += variance / (kPixels * kPixels);
     }
   }
-  out.picture = session.picture({.variance = true});
+  out.picture = session.picture();
   return out;
 }
 

@@ -1,0 +1,200 @@
+#include "src/crays/photon_guide.h"
+
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <cmath>
+#include <span>
+
+#include "src/core/sampler.h"
+#include "src/crays/bsdf.h"
+#include "src/crays/integrator.h"
+
+namespace trex {
+namespace {
+
+constexpr int kMostBounces = 32;  // of an importon, mirrors included
+constexpr int kMarks = 3;         // diffuse bounces of an importon
+constexpr std::uint32_t kNowhere = ~0u;
+
+constexpr std::size_t kMostPoints = 1u << 17;  // enough known: later photons teach nothing new
+constexpr std::size_t kFewestPoints = 32;      // before that the guide stays uniform
+constexpr std::uint32_t kLeafPoints = 16;
+constexpr int kMostCuts = 8;      // of one dimension
+constexpr double kSmooth = 0.25;  // share of a leaf's moment that its parent's mean gives
+
+}  // namespace
+
+ImportanceMap::ImportanceMap(const Scene& scene, const RayScene& rays, const CameraRays& camera,
+                             std::uint32_t width, std::uint32_t height, std::uint32_t seed,
+                             std::uint32_t paths) {
+  const Box3f bounds = rays.bounds();
+  if (bounds.empty()) return;
+  lower_ = bounds.lower;
+  const float edge = std::max(maxComponent(bounds.size()), 1e-20f);
+  perMetre_ = static_cast<float>(kCells) / edge;
+  std::vector<std::array<std::uint32_t, kMarks>> marks(paths);
+
+  tbb::parallel_for(tbb::blocked_range<std::uint32_t>(0, paths, 64), [&](const auto& range) {
+    for (std::uint32_t i = range.begin(); i < range.end(); ++i) {
+      marks[i].fill(kNowhere);
+      Sampler sampler(0x696d706fu, i, seed);
+      const vec2 place = sampler.next2D();
+      vec3 origin, direction;
+      camera.ray(place.x * static_cast<float>(width), place.y * static_cast<float>(height), origin,
+                 direction);
+      std::size_t marked = 0;
+      bool scattered = false;  // light cached at the next surface would be read
+      for (int bounce = 0; bounce < kMostBounces && marked < kMarks; ++bounce) {
+        RayHit hit;
+        if (!rays.intersect(origin, direction, 0.0f, kInfinity, hit)) break;
+        const Surface surface = rays.surface(hit);
+        const Bsdf bsdf(scene, surface, -direction);
+        if (bsdf.unlit()) break;
+        if (bsdf.coverage() >= 1.0f || sampler.next1D() < bsdf.coverage()) {
+          if (scattered && bsdf.cacheable()) {
+            marks[i][marked++] = cell(surface.position, bsdf.geometricNormal());
+          }
+          BsdfSample next;
+          if (!bsdf.sample(sampler, next)) break;
+          const float survival = std::min(maxComponent(next.weight * next.etaSquared), 1.0f);
+          if (!(sampler.next1D() < survival)) break;
+          direction = next.direction;
+          scattered = !next.delta;
+        }
+        const float side = glm::dot(surface.geometricNormal, direction) >= 0.0f ? 1.0f : -1.0f;
+        origin = surface.position + surface.geometricNormal * (side * surface.error);
+      }
+    }
+  });
+
+  for (const auto& path : marks) {
+    for (const std::uint32_t c : path) {
+      if (c == kNowhere) continue;
+      if (visits_.empty()) visits_.assign(std::size_t{kCells} * kCells * kCells * 6, 0);
+      if (visits_[c] < 0xffffu) ++visits_[c];
+    }
+  }
+}
+
+/// The number of a cell: walls are thinner than cells, so their two sides are told apart by normal.
+std::uint32_t ImportanceMap::cell(const vec3& position, const vec3& normal) const {
+  std::uint32_t number = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const float at = (position[axis] - lower_[axis]) * perMetre_;
+    const auto last = static_cast<float>(kCells - 1);
+    // Written so that NaN falls into cell 0.
+    number = number * kCells + static_cast<std::uint32_t>(at > 0.0f ? std::min(at, last) : 0.0f);
+  }
+  const vec3 size = glm::abs(normal);
+  const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
+  return number * 6 + static_cast<std::uint32_t>(axis) * 2 + (normal[axis] < 0.0f ? 1 : 0);
+}
+
+float ImportanceMap::visits(const vec3& position, const vec3& normal) const {
+  return visits_.empty() ? 0.0f : static_cast<float>(visits_[cell(position, normal)]);
+}
+
+float EmissionGuide::warp(float choice, vec4& primary) const {
+  if (leaves_.empty()) return 1.0f;
+  const double target = static_cast<double>(choice) * cumulative_.back();
+  const auto at = std::upper_bound(cumulative_.begin(), cumulative_.end(), target);
+  const auto index =
+      std::min(static_cast<std::size_t>(at - cumulative_.begin()), leaves_.size() - 1);
+  const Leaf& leaf = leaves_[index];
+  primary = glm::min(leaf.lower + leaf.size * primary, vec4(0x1.fffffep-1f));
+  return leaf.density;
+}
+
+void EmissionGuide::learn(const vec4& primary, float density, float value) {
+  if (dimensions_ == 0 || points_.size() >= kMostPoints || !(value > 0.0f)) return;
+  points_.push_back({primary, value * value / density});
+}
+
+double EmissionGuide::sumMoments(std::uint32_t first, std::uint32_t last) const {
+  double sum = 0.0;
+  for (std::uint32_t i = first; i < last; ++i) sum += static_cast<double>(points_[i].moment);
+  return sum;
+}
+
+/// The dimension along which the points of a box are spread least evenly, by the chi-square of
+/// eight slices (two halves alike would hide a peak in the middle). -1 if the box stays whole.
+int EmissionGuide::chooseCut(const Node& node) const {
+  if (node.last - node.first < kLeafPoints) return -1;
+  int best = -1;
+  double uneven = 0.0;
+  for (int axis = 0; axis < dimensions_; ++axis) {
+    if (node.cuts[static_cast<std::size_t>(axis)] >= kMostCuts) continue;
+    std::array<std::uint32_t, 8> slices{};
+    for (std::uint32_t i = node.first; i < node.last; ++i) {
+      const float x = (points_[i].primary[axis] - node.lower[axis]) / node.size[axis];
+      ++slices[static_cast<std::size_t>(std::clamp(x * 8.0f, 0.0f, 7.0f))];
+    }
+    double squares = 0.0;
+    for (const std::uint32_t n : slices) squares += static_cast<double>(n) * n;
+    // Among equals the longest side, so that boxes stay compact.
+    squares *= 1.0 + 0.25 * static_cast<double>(node.size[axis]);
+    if (squares > uneven) {
+      uneven = squares;
+      best = axis;
+    }
+  }
+  return best;
+}
+
+/// Halves a box; the first half is opened next, so that the order of leaves is fixed.
+void EmissionGuide::cut(const Node& node, int axis, std::vector<Node>& open) {
+  const float middle = node.lower[axis] + 0.5f * node.size[axis];
+  const auto begin = points_.begin() + node.first, end = points_.begin() + node.last;
+  const auto split =
+      std::stable_partition(begin, end, [&](const Point& p) { return p.primary[axis] < middle; });
+  Node low = node, high = node;
+  low.size[axis] = high.size[axis] = 0.5f * node.size[axis];
+  high.lower[axis] = middle;
+  low.last = high.first = static_cast<std::uint32_t>(split - points_.begin());
+  for (Node* half : {&high, &low}) {
+    half->moment = sumMoments(half->first, half->last);
+    half->parentMoment = node.moment;
+    ++half->cuts[static_cast<std::size_t>(axis)];
+    open.push_back(*half);
+  }
+}
+
+void EmissionGuide::update() {
+  if (points_.size() < std::max(kFewestPoints, built_ + built_ / 2)) return;
+  built_ = points_.size();
+  leaves_.clear();
+  const auto count = static_cast<std::uint32_t>(points_.size());
+  const double all = sumMoments(0, count);
+  std::vector<Node> open{{0, count, vec4(0.0f), vec4(1.0f), all, 2.0 * all, {}}};
+  std::vector<double> shares;
+  double sum = 0.0;
+  while (!open.empty()) {
+    const Node node = open.back();
+    open.pop_back();
+    const int axis = chooseCut(node);
+    if (axis >= 0) {
+      cut(node, axis, open);
+      continue;
+    }
+    // A density in proportion to the root of the mean moment gives the least variance, since a
+    // photon's power is one over the density.
+    const double volume =
+        static_cast<double>(node.size.x) * node.size.y * node.size.z * node.size.w;
+    const double moment = (1.0 - kSmooth) * node.moment + kSmooth * 0.5 * node.parentMoment;
+    shares.push_back(std::sqrt(volume * moment));
+    sum += shares.back();
+    leaves_.push_back({node.lower, node.size, static_cast<float>(volume)});
+  }
+  cumulative_.clear();
+  double before = 0.0;
+  for (std::size_t i = 0; i < leaves_.size(); ++i) {
+    const double volume = leaves_[i].density;
+    const double chance = kUniformShare * volume + (1.0 - kUniformShare) * shares[i] / sum;
+    leaves_[i].density = static_cast<float>(chance / volume);
+    cumulative_.push_back(before += chance);
+  }
+}
+
+}  // namespace trex
