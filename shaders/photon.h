@@ -42,8 +42,8 @@ struct PhotonPath {
   uint deposits, lost;
 };
 
-/// Counts of `watts`: rounded to a whole number, up with the probability of the fraction, so that the
-/// mean of dim powers is right. A power that no sum can hold gives -1.
+/// Counts of `watts`: rounded to a whole number, up with the probability of the fraction, so that
+/// the mean of dim powers is right. A power that no sum can hold gives -1.
 float photonCounts(float watts, float countsPerWatt, float random) PHOTON_READS {
   float counts = watts * countsPerWatt;
   if (!(counts >= 0.0f && counts < 4.0e18f)) return -1.0f;
@@ -118,8 +118,8 @@ vec3 photonMirror(vec3 incoming, vec3 n, float roughness, float u, float v) PHOT
   vec3 axis = abs(n.x) < 0.6f ? vec3(1.0f, 0.0f, 0.0f) : vec3(0.0f, 1.0f, 0.0f);
   vec3 tangent = normalize(cross(axis, n));
   float phi = 6.2831853f * v;
-  vec3 h = n * sqrt(max(0.0f, cos2)) +
-           (tangent * cos(phi) + cross(n, tangent) * sin(phi)) * sinTheta;
+  vec3 h =
+      n * sqrt(max(0.0f, cos2)) + (tangent * cos(phi) + cross(n, tangent) * sin(phi)) * sinTheta;
   vec3 d = incoming - h * (2.0f * dot(incoming, h));
   float above = dot(d, n);
   if (above <= 0.0f) d -= n * (2.0f * above - 1.0e-3f);
@@ -140,8 +140,8 @@ void photonStep(PHOTON_INOUT(PhotonPath) path, float countsPerWatt) PHOTON_READS
   PhotonMaterial material = PHOTON_MATERIAL(number);
   vec3 diffuse = asvoAlbedo(path.voxel);
   vec3 metal = photonMetal(material);
-  // The dominant material may cover a part of the voxel only: metal takes of what is not diffuse, so
-  // that the sum stays below one and light shut in between surfaces dies out.
+  // The dominant material may cover a part of the voxel only: metal takes of what is not diffuse,
+  // so that the sum stays below one and light shut in between surfaces dies out.
   metal *= 1.0f - max(diffuse.x, max(diffuse.y, diffuse.z));
   // A record does not tell where its photon came from: the metal part of the first surface scatters
   // like the rough surface it must be (smooth ones were followed by C-rays).
@@ -174,8 +174,8 @@ void photonStep(PHOTON_INOUT(PhotonPath) path, float countsPerWatt) PHOTON_READS
   path.position = start + direction * hit.t;
   path.normal = hit.normal;
   path.incoming = direction;
-  // A voxel without a plane holds several surfaces, and its mean normal may point behind the one that
-  // was met: go back the way the photon came, which is known to be free.
+  // A voxel without a plane holds several surfaces, and its mean normal may point behind the one
+  // that was met: go back the way the photon came, which is known to be free.
   bool planar = ASVO_LEAF(hit.voxel - ASVO_INFO.firstLeaf).w != ASVO_NO_PLANE;
   path.leave = planar ? hit.normal : direction * -min(1.0f, hit.t / (kStartOffset * edge));
   path.voxel = hit.voxel;

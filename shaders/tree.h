@@ -1,9 +1,9 @@
 // The ASVO's buffers at set 0, bindings 0 to 4, and the tracer over them. GLSL only. The including
 // shader declares `AsvoInfo` as push.info and the grid's level as push.gridLevel.
 //
-// With TREX_TEXELS they are uniform texel buffers, else storage buffers: software devices gather texels
-// with vector instructions but fetch from storage buffers lane by lane (an eighth fewer instructions a
-// cone on lavapipe 22.3).
+// With TREX_TEXELS they are uniform texel buffers, else storage buffers: software devices gather
+// texels with vector instructions but fetch from storage buffers lane by lane (an eighth fewer
+// instructions a cone on lavapipe 22.3).
 #ifndef TREX_TREE_H
 #define TREX_TREE_H
 

@@ -27,7 +27,8 @@ namespace {
 
 struct RenderArguments {
   std::string input, output;
-  std::string size = "640x360", camera, environment, device = "auto", guess = "auto", exposure = "auto", denoise = "auto";
+  std::string size = "640x360", camera, environment, device = "auto", guess = "auto",
+              exposure = "auto", denoise = "auto";
   std::string maxMemory;
   std::vector<std::string> layers;
   RenderSettings settings;
@@ -72,7 +73,8 @@ void checkBudget(const RenderArguments& a, const Scene& scene) {
   const bool pairs = a.settings.exact > 0.0 && a.settings.exact < 1.0;
   const std::uint64_t frame =
       Accumulator::bytesNeeded(a.settings.width, a.settings.height, pairs) +
-      (a.settings.denoise ? FeatureImage::bytesNeeded(a.settings.width, a.settings.height) * 4 : 0) +
+      (a.settings.denoise ? FeatureImage::bytesNeeded(a.settings.width, a.settings.height) * 4
+                          : 0) +
       std::uint64_t{a.settings.width} * a.settings.height * 16 * sizeof(float);
   constexpr std::uint64_t kMeshBytesATriangle = 120;  // source, clusters and build, measured peak
   const std::uint64_t mesh = scene.uniqueTriangleCount() * kMeshBytesATriangle;
@@ -95,7 +97,9 @@ nlohmann::json summary(const RenderArguments& a, const SessionReport& r, double 
           {"exact", a.settings.exact},
           {"seed", a.settings.seed},
           {"device", r.device},
-          {"guess", r.device == "none" ? "none" : r.cones ? "cone" : "ray"},
+          {"guess", r.device == "none" ? "none"
+                    : r.cones          ? "cone"
+                                       : "ray"},
           {"triangles", r.mesh.triangles},
           {"unique_triangles", r.mesh.uniqueTriangles},
           {"instances", r.mesh.instances},
@@ -144,8 +148,9 @@ int finish(const RenderArguments& a, const Session& session, double importSecond
   writePicture(a.output, picture, ToneMap{exposure});
   if (report.nonFinite > 0) {
     const NonFiniteSample first = session.frame().nonFiniteSamples().front();
-    logWarning("{} samples were not finite and were dropped; the first: pixel {},{} sample {} seed {}",
-               report.nonFinite, first.x, first.y, first.sample, a.settings.seed);
+    logWarning(
+        "{} samples were not finite and were dropped; the first: pixel {},{} sample {} seed {}",
+        report.nonFinite, first.x, first.y, first.sample, a.settings.seed);
   }
   if (a.json) {
     fmt::print("{}\n", summary(a, report, importSeconds, exposure).dump(2));
@@ -172,7 +177,8 @@ int render(RenderArguments& a) {
   checkWritable(a.output);
   std::optional<tbb::global_control> limit;
   if (a.threads > 0) {
-    limit.emplace(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(a.threads));
+    limit.emplace(tbb::global_control::max_allowed_parallelism,
+                  static_cast<std::size_t>(a.threads));
     setenv("LP_NUM_THREADS", std::to_string(a.threads).c_str(), 0);  // lavapipe's own threads
   }
   const double start = seconds();
@@ -209,7 +215,8 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
   auto a = std::make_shared<RenderArguments>();
   CLI::App* c = app.add_subcommand("render", "Render a model to a picture without a window");
   c->add_option("INPUT", a->input, "Model: .gltf .glb .ply .obj")->required();
-  c->add_option("-o,--output", a->output, "Picture: .exr (linear) or .png (tone-mapped)")->required();
+  c->add_option("-o,--output", a->output, "Picture: .exr (linear) or .png (tone-mapped)")
+      ->required();
   c->add_option("--size", a->size, "WxH in pixels")->capture_default_str();
   c->add_option("--spp", a->settings.samples, "Samples a pixel [64 unless --time is given]");
   c->add_option("--time", a->settings.seconds, "Seconds of rendering, set-up not counted")
@@ -218,15 +225,18 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
                 "Share of samples traced exactly: 0 fast and biased, 1 a path tracer")
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
-  c->add_option("--camera", a->camera, "Camera's name, or EYE/TARGET/UP/VFOV: x,y,z/x,y,z/x,y,z/degrees");
+  c->add_option("--camera", a->camera,
+                "Camera's name, or EYE/TARGET/UP/VFOV: x,y,z/x,y,z/x,y,z/degrees");
   c->add_option("--env", a->environment, "Environment: R,G,B or a latitude-longitude .hdr or .exr");
   c->add_option("--device", a->device, "Vulkan device of the G-rays: number, auto or none")
       ->capture_default_str();
   c->add_option("--guess", a->guess, "Guess of far, wide rays: auto, ray or cone")
       ->check(CLI::IsMember({"auto", "ray", "cone"}))
       ->capture_default_str();
-  c->add_option("--exposure", a->exposure, "Exposure of .png in stops, or auto")->capture_default_str();
-  c->add_option("--aov", a->layers, "Layers of an .exr besides R, G, B: variance,sampleCount,features")
+  c->add_option("--exposure", a->exposure, "Exposure of .png in stops, or auto")
+      ->capture_default_str();
+  c->add_option("--aov", a->layers,
+                "Layers of an .exr besides R, G, B: variance,sampleCount,features")
       ->delimiter(',')
       ->check(CLI::IsMember({"variance", "sampleCount", "features"}));
   c->add_option("--denoise", a->denoise, "Filter the guess: auto (with --exact 0), off")

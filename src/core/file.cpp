@@ -33,8 +33,8 @@ bool flush(const fs::path& path, int flags) {
 
 void writeAtomically(const fs::path& target, const std::function<void(const fs::path&)>& write) {
   const fs::path temporary =
-      folderOf(target) / fmt::format(".{}.{}.tmp{}", target.stem().string(), ::getpid(),
-                                     target.extension().string());
+      folderOf(target) /
+      fmt::format(".{}.{}.tmp{}", target.stem().string(), ::getpid(), target.extension().string());
   std::error_code ignored;
   try {
     write(temporary);

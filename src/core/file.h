@@ -8,8 +8,8 @@
 namespace trex {
 
 /// Writes a file through `write(temporary path)`, flushes it to disk and renames it to `target`.
-/// On any failure the temporary is removed, the old target stays, and Error(kOutput) names the target
-/// and the reason. The temporary keeps the extension: ".NAME.PID.tmp.EXT".
+/// On any failure the temporary is removed, the old target stays, and Error(kOutput) names the
+/// target and the reason. The temporary keeps the extension: ".NAME.PID.tmp.EXT".
 void writeAtomically(const std::filesystem::path& target,
                      const std::function<void(const std::filesystem::path&)>& write);
 

@@ -13,8 +13,8 @@ std::atomic<LogLevel> level_{LogLevel::kInfo};
 
 spdlog::logger& logger() {
   static const std::shared_ptr<spdlog::logger> instance = [] {
-    auto made = std::make_shared<spdlog::logger>(
-        "trex", std::make_shared<spdlog::sinks::stderr_sink_mt>());
+    auto made =
+        std::make_shared<spdlog::logger>("trex", std::make_shared<spdlog::sinks::stderr_sink_mt>());
     made->set_pattern("trex: %v");
     made->set_level(spdlog::level::info);
     made->flush_on(spdlog::level::info);

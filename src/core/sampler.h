@@ -1,5 +1,5 @@
-// Random numbers keyed by (pixel, sample, dimension): no state is shared, so an image does not depend
-// on threads or tile order.
+// Random numbers keyed by (pixel, sample, dimension): no state is shared, so an image does not
+// depend on threads or tile order.
 //
 // Each dimension is a Sobol' point, Owen-scrambled and shuffled by hashes [Burley, JCGT 2020]: the
 // first two Sobol' dimensions are reused with a different shuffle for each pair (padding).
@@ -26,9 +26,7 @@ inline std::uint32_t hashCombine(std::uint32_t seed, std::uint32_t value) {
 }
 
 /// 24 random bits to [0, 1); the largest result is 1 - 2^-24.
-inline float toUnitFloat(std::uint32_t bits) {
-  return static_cast<float>(bits >> 8) * 0x1p-24f;
-}
+inline float toUnitFloat(std::uint32_t bits) { return static_cast<float>(bits >> 8) * 0x1p-24f; }
 
 inline std::uint32_t reverseBits(std::uint32_t x) {
   x = ((x >> 1) & 0x55555555u) | ((x & 0x55555555u) << 1);
@@ -48,8 +46,9 @@ inline std::uint32_t owenScramble(std::uint32_t x, std::uint32_t seed) {
   return reverseBits(x);
 }
 
-/// Second Sobol' dimension of index (the first is reverseBits). Its matrix is Pascal's triangle mod 2:
-/// by Lucas' theorem digit i is the sum of all index bits j that contain i, a superset transform.
+/// Second Sobol' dimension of index (the first is reverseBits). Its matrix is Pascal's triangle mod
+/// 2: by Lucas' theorem digit i is the sum of all index bits j that contain i, a superset
+/// transform.
 inline std::uint32_t sobolSecond(std::uint32_t index) {
   index ^= (index >> 1) & 0x55555555u;
   index ^= (index >> 2) & 0x33333333u;

@@ -23,9 +23,11 @@ vec3 mappedNormal(const Scene& scene, const Material& material, const Surface& s
   if (!material.normalTexture.present() || surface.tangent == vec3(0.0f)) {
     return surface.shadingNormal;
   }
-  const vec3 texel = vec3(read(scene, material.normalTexture, surface.texCoord, false)) * 2.0f - 1.0f;
-  const vec3 bent = material.normalScale * (texel.x * surface.tangent + texel.y * surface.bitangent) +
-                    texel.z * surface.shadingNormal;
+  const vec3 texel =
+      vec3(read(scene, material.normalTexture, surface.texCoord, false)) * 2.0f - 1.0f;
+  const vec3 bent =
+      material.normalScale * (texel.x * surface.tangent + texel.y * surface.bitangent) +
+      texel.z * surface.shadingNormal;
   const float length = glm::length(bent);
   return length > 1e-6f ? bent / length : surface.shadingNormal;
 }
@@ -48,8 +50,8 @@ Bsdf::Bsdf(const Scene& scene, const Surface& surface, const vec3& outgoing) {
   geometricNormal_ = front ? surface.geometricNormal : -surface.geometricNormal;
   vec3 normal = mappedNormal(scene, material, surface);
   if (!front) normal = -normal;
-  // A normal that the viewer can't see (a bent one at a grazing angle) is replaced by the face's own,
-  // so that no pixel turns black.
+  // A normal that the viewer can't see (a bent one at a grazing angle) is replaced by the face's
+  // own, so that no pixel turns black.
   if (glm::dot(normal, outgoing) <= 1e-4f || glm::dot(normal, geometricNormal_) <= 0.0f) {
     normal = geometricNormal_;
   }
@@ -86,8 +88,8 @@ void Bsdf::readMaterial(const Scene& scene, const Surface& surface, bool frontSi
   entering_ = frontSide;
   eta_ = frontSide || !refracts_ ? m.ior : 1.0f / m.ior;
   if (refracts_ && std::isfinite(m.attenuationDistance) && m.attenuationDistance > 0.0f) {
-    absorption_ = -glm::log(glm::clamp(m.attenuationColor, vec3(1e-6f), vec3(1.0f))) /
-                  m.attenuationDistance;
+    absorption_ =
+        -glm::log(glm::clamp(m.attenuationColor, vec3(1e-6f), vec3(1.0f))) / m.attenuationDistance;
   }
   const float specular = m.specular * read(scene, m.specularTexture, uv, false).w;
   const vec3 tint = m.specularColor * vec3(read(scene, m.specularColorTexture, uv, true));
@@ -102,17 +104,18 @@ void Bsdf::readMaterial(const Scene& scene, const Surface& surface, bool frontSi
 /// Reflectance of the dielectric part's interface, before its tint.
 float Bsdf::dielectricWeight(float cosine) const {
   const float exact = fresnelDielectric(cosine, eta_);
-  // A thin sheet reflects at both faces and between them: R' = R + T^2 R / (1 - R^2) = 2R / (1 + R).
+  // A thin sheet reflects at both faces and between them: R' = R + T^2 R / (1 - R^2) = 2R / (1 +
+  // R).
   return refracts_ ? exact : 2.0f * exact / (1.0f + exact);
 }
 
 /// Reflectance of the specular lobe at angle cosine to the micro normal, all parts together.
 vec3 Bsdf::fresnel(float cosine) const {
   const float w = schlickWeight(cosine);
-  const vec3 metal = metalColor_ + (vec3(1.0f) - metalColor_) * w;
   const vec3 dielectric =
       transmission_ > 0.0f ? vec3(dielectricWeight(cosine)) : f0_ + (vec3(f90_) - f0_) * w;
-  return glm::mix(dielectric, metal, metallic_);
+  // A conductor of reflectance metalColor_ at all angles: see "Materials" in the README.
+  return glm::mix(dielectric, metalColor_, metallic_);
 }
 
 void Bsdf::chooseLobes() {
@@ -143,13 +146,13 @@ vec3 Bsdf::evaluateReflection(const vec3& in) const {
   const float cosHalf = glm::dot(out_, half);
   vec3 f(0.0f);
   if (!smooth_) {
-    f = fresnel(cosHalf) * (ggxDensity(half.z, alpha_) * ggxMaskingShadowing(out_.z, in.z, alpha_) /
-                            (4.0f * out_.z));
+    f = fresnel(cosHalf) *
+        (ggxDensity(half.z, alpha_) * ggxMaskingShadowing(out_.z, in.z, alpha_) / (4.0f * out_.z));
   }
   if (lobes_.diffuse > 0.0f) {
-    const float interface =
-        transmission_ > 0.0f ? dielectricWeight(cosHalf)
-                             : maxComponent(f0_ + (vec3(f90_) - f0_) * schlickWeight(cosHalf));
+    const float interface = transmission_ > 0.0f
+                                ? dielectricWeight(cosHalf)
+                                : maxComponent(f0_ + (vec3(f90_) - f0_) * schlickWeight(cosHalf));
     f += diffuse_ * ((1.0f - interface) * kInvPi * in.z);
   }
   return f;
@@ -288,7 +291,8 @@ bool Bsdf::sample(Sampler& sampler, BsdfSample& out) const {
   if (out.delta) return true;
   out.pdf = out.transmitted ? pdfTransmission(local) : pdfReflection(local);
   if (!(out.pdf > 0.0f)) return false;
-  out.weight = (out.transmitted ? evaluateTransmission(local) : evaluateReflection(local)) / out.pdf;
+  out.weight =
+      (out.transmitted ? evaluateTransmission(local) : evaluateReflection(local)) / out.pdf;
   return true;
 }
 

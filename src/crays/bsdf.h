@@ -38,15 +38,16 @@ class Bsdf {
   /// False if the sampled path ends (absorbed or below the surface).
   bool sample(Sampler& sampler, BsdfSample& out) const;
 
-  /// Radiance emitted towards `outgoing`; 0 behind a single-sided emitter. The base colour if unlit.
+  /// Radiance emitted towards `outgoing`; 0 behind a single-sided emitter. The base colour if
+  /// unlit.
   vec3 emission() const { return emission_; }
   bool unlit() const { return unlit_; }
   /// Coverage in [0, 1]: 1 - alpha is the chance that a ray passes.
   float coverage() const { return coverage_; }
   /// True if only delta lobes exist: light sampling has nothing to do here.
   bool onlyDelta() const { return onlyDelta_; }
-  /// Reflectance that a cache of irradiance can serve: the diffuse albedo plus that of the broad part
-  /// of the specular lobe. [0, 1].
+  /// Reflectance that a cache of irradiance can serve: the diffuse albedo plus that of the broad
+  /// part of the specular lobe. [0, 1].
   vec3 cachedAlbedo() const { return cachedAlbedo_; }
   /// True if cachedAlbedo() tells nearly all of what leaves the surface.
   bool cacheable() const { return cacheable_; }
@@ -84,8 +85,8 @@ class Bsdf {
   bool cacheable_ = true;
 };
 
-/// Fresnel reflectance of a dielectric, unpolarised. cosine >= 0 on the incident side; eta: index of
-/// the far side over the near side. 1 at total internal reflection.
+/// Fresnel reflectance of a dielectric, unpolarised. cosine >= 0 on the incident side; eta: index
+/// of the far side over the near side. 1 at total internal reflection.
 float fresnelDielectric(float cosine, float eta);
 
 }  // namespace trex

@@ -6,9 +6,9 @@
 namespace trex {
 namespace {
 
-constexpr int kRouletteFrom = 3;     // bounces before Russian roulette may end a path
-constexpr int kMostBounces = 256;    // a backstop: roulette ends paths long before
-constexpr int kMostLayers = 1024;    // transparent layers that one ray may pass
+constexpr int kRouletteFrom = 3;   // bounces before Russian roulette may end a path
+constexpr int kMostBounces = 256;  // a backstop: roulette ends paths long before
+constexpr int kMostLayers = 1024;  // transparent layers that one ray may pass
 
 float powerHeuristic(float a, float b) {
   // Scaled so that the squares of large densities do not overflow.
@@ -33,8 +33,8 @@ CameraRays::CameraRays(const Camera& camera, const dvec3& renderOrigin, std::uin
       width_(static_cast<float>(width)),
       height_(static_cast<float>(height)),
       orthographic_(camera.orthographic) {
-  halfHeight_ = orthographic_ ? 0.5f * camera.orthographicHeight
-                              : std::tan(0.5f * camera.verticalFov);
+  halfHeight_ =
+      orthographic_ ? 0.5f * camera.orthographicHeight : std::tan(0.5f * camera.verticalFov);
   halfWidth_ = halfHeight_ * width_ / height_;
 }
 
@@ -56,14 +56,15 @@ struct Integrator::Path {
   vec3 vertex{0.0f};  // the last scattering surface point
   vec3 origin{0.0f}, direction{0.0f}, throughput{1.0f}, absorption{0.0f};
   float tnear = 0.0f;
-  float travelled = 0.0f;        // from the last scattering to `origin`, through transparent layers
-  float roulette = 1.0f;         // undoes the radiance scaling of refraction
-  float scatterPdf = kInfinity;  // density of `direction` at the last surface; infinite after a delta
-  float roughness = 0.0f;        // of the last lobe
-  bool coneRay = false;          // the last vertex hands its far field to a cone
+  float travelled = 0.0f;  // from the last scattering to `origin`, through transparent layers
+  float roulette = 1.0f;   // undoes the radiance scaling of refraction
+  float scatterPdf =
+      kInfinity;           // density of `direction` at the last surface; infinite after a delta
+  float roughness = 0.0f;  // of the last lobe
+  bool coneRay = false;    // the last vertex hands its far field to a cone
   int bounces = 0;
-  float length = 0.0f;           // from the eye to the last surface
-  bool seen = false;             // the feature is known
+  float length = 0.0f;  // from the eye to the last surface
+  bool seen = false;    // the feature is known
   RayHit hit{};
 
   void add(const vec3& light) { (coupled ? result.common : result.exact) += light; }
@@ -121,7 +122,8 @@ bool Integrator::advance(Path& path) const {
 
 void Integrator::miss(Path& path) const {
   if (!lights_.hasEnvironment()) return;
-  const float weight = powerHeuristic(path.scatterPdf, lights_.pdfEnvironment(path.vertex, path.direction));
+  const float weight =
+      powerHeuristic(path.scatterPdf, lights_.pdfEnvironment(path.vertex, path.direction));
   path.add(path.throughput * lights_.environment(path.direction) * weight);
 }
 
@@ -136,7 +138,8 @@ bool Integrator::handToCone(Path& path) const {
   request.weight = path.throughput;
   request.pixel = path.pixelTag;
   if (lights_.hasEnvironment()) {
-    const float weight = powerHeuristic(path.scatterPdf, lights_.pdfEnvironment(path.vertex, path.direction));
+    const float weight =
+        powerHeuristic(path.scatterPdf, lights_.pdfEnvironment(path.vertex, path.direction));
     request.background = path.throughput * lights_.environment(path.direction) * weight;
   }
   path.cones.push_back(request);
@@ -177,8 +180,7 @@ bool Integrator::meet(Path& path) const {
   if (bsdf.unlit()) return false;
   if (path.coupled && guess_.cache && endInCache(path, surface, bsdf) && !path.part()) return false;
 
-  const bool coneVertex =
-      guess_.cones && path.coupled && bsdf.cacheable() && !bsdf.onlyDelta();
+  const bool coneVertex = guess_.cones && path.coupled && bsdf.cacheable() && !bsdf.onlyDelta();
   if (!bsdf.onlyDelta() && !lights_.empty()) sampleLight(path, surface, bsdf, coneVertex);
   return scatter(path, surface, bsdf, coneVertex);
 }
@@ -227,10 +229,10 @@ void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsd
   const vec3 f = bsdf.evaluate(light.direction);
   if (maxComponent(f) <= 0.0f) return;
   const vec3 unweighted = path.throughput * f * light.radiance / light.pdf;
-  const float weight =
-      light.delta ? 1.0f : powerHeuristic(light.pdf, bsdf.pdf(light.direction));
+  const float weight = light.delta ? 1.0f : powerHeuristic(light.pdf, bsdf.pdf(light.direction));
   const vec3 origin = leave(surface, light.direction);
-  // A cone vertex gathers its far field without emission, so a far emitter is light sampling's alone.
+  // A cone vertex gathers its far field without emission, so a far emitter is light sampling's
+  // alone.
   const float near = coneVertex ? guess_.footprint.cacheVoxels * guess_.cache->leafSize() /
                                       guess_.footprint.diffuseSpread
                                 : 0.0f;
@@ -242,7 +244,8 @@ void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsd
     ConeRequest request;
     request.origin = origin;
     request.direction = light.direction;
-    request.tanHalf = std::min(std::sqrt(light.solidAngle * kInvPi), guess_.footprint.diffuseSpread) * 0.25f;
+    request.tanHalf =
+        std::min(std::sqrt(light.solidAngle * kInvPi), guess_.footprint.diffuseSpread) * 0.25f;
     request.tmin = near;
     // The emitter's own voxels must not shadow it.
     request.tmax = light.distance - 2.0f * guess_.cache->leafSize();
@@ -274,8 +277,7 @@ bool Integrator::scatter(Path& path, const Surface& surface, const Bsdf& bsdf,
   path.throughput *= next.weight;
   path.roulette *= next.etaSquared;
   if (path.bounces >= kRouletteFrom) {
-    const float survival =
-        std::min(0.95f, maxComponent(path.throughput) * path.roulette);
+    const float survival = std::min(0.95f, maxComponent(path.throughput) * path.roulette);
     if (!(survival > 0.0f) || path.sampler.next1D() >= survival) return false;
     path.throughput /= survival;
   }

@@ -2,9 +2,9 @@
 // roulette [Veach 1997], which is the exact side X, and the ladder of guesses on top of it.
 //
 // A path is traced once. As long as guess and exact path agree its light is `common`. Where the
-// footprint rule lets a ray end in cached light (G1) or hands it to a cone (G0), the guess leaves the
-// path: what it adds goes to `guess` (and to cone requests); if the sample is paired, the path goes on
-// and adds to `exact`.
+// footprint rule lets a ray end in cached light (G1) or hands it to a cone (G0), the guess leaves
+// the path: what it adds goes to `guess` (and to cone requests); if the sample is paired, the path
+// goes on and adds to `exact`.
 #pragma once
 
 #include <cstdint>
@@ -70,8 +70,8 @@ struct RayCounts {
 struct GuessOptions {
   const LightCache* cache = nullptr;  ///< null: exact paths alone
   FootprintRule footprint;
-  bool cones = false;                 ///< G0 and shadow cones are worth their cost on this device
-  float shadowSolidAngle = 0.02f;     ///< steradian from which on a shadow ray is a G-ray
+  bool cones = false;              ///< G0 and shadow cones are worth their cost on this device
+  float shadowSolidAngle = 0.02f;  ///< steradian from which on a shadow ray is a G-ray
 };
 
 /// Immutable; sample() is thread safe.
@@ -80,8 +80,8 @@ class Integrator {
   Integrator(const Scene& scene, const RayScene& rays, const LightSet& lights,
              const CameraRays& camera, const GuessOptions& guess, std::uint32_t seed);
 
-  /// Traces sample number `sample` of pixel (x, y). `paired` asks for X as well; without a cache X is
-  /// all there is and goes to `common`. Cone requests are appended with `pixelTag`.
+  /// Traces sample number `sample` of pixel (x, y). `paired` asks for X as well; without a cache X
+  /// is all there is and goes to `common`. Cone requests are appended with `pixelTag`.
   PathSample sample(std::uint32_t x, std::uint32_t y, std::uint32_t width, std::uint32_t sample,
                     bool paired, std::uint32_t pixelTag, std::vector<ConeRequest>& cones,
                     RayCounts& counts) const;

@@ -35,9 +35,9 @@ class LightCache {
   float leafSize() const { return leafSize_; }
   const asvo::Tracer& tracer() const { return tracer_; }
 
-  /// Irradiance at a surface point on the side of `normal`, from the level that the footprint (radius,
-  /// metres) asks for. `jitter` in [0, 1)^2 moves the point by up to half a voxel along the surface,
-  /// so that voxel borders average out. False if no voxel there has area.
+  /// Irradiance at a surface point on the side of `normal`, from the level that the footprint
+  /// (radius, metres) asks for. `jitter` in [0, 1)^2 moves the point by up to half a voxel along
+  /// the surface, so that voxel borders average out. False if no voxel there has area.
   bool irradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
                   vec3& out) const;
 

@@ -1,5 +1,8 @@
 #include "src/crays/lights.h"
 
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -9,11 +12,13 @@
 namespace trex {
 namespace {
 
+constexpr std::size_t kMostHintedSuns = 4;  // each costs a shadow ray per reader
+
 vec3 meanEmission(const Scene& scene, const Material& material) {
   vec3 mean = material.emission;
   if (material.emissiveTexture.present()) {
-    mean *= vec3(textureMean(scene.images[static_cast<std::size_t>(material.emissiveTexture.image)],
-                             true));
+    mean *= vec3(
+        textureMean(scene.images[static_cast<std::size_t>(material.emissiveTexture.image)], true));
   }
   return mean;
 }
@@ -39,8 +44,8 @@ vec3 uniformSphere(vec2 u) {
   return vec3(r * std::cos(2.0f * kPi * u.y), r * std::sin(2.0f * kPi * u.y), z);
 }
 
-/// The unit square onto the unit disk, areas and neighbourhoods kept [Shirley and Chiu 1997], so that
-/// boxes of a guide stay compact.
+/// The unit square onto the unit disk, areas and neighbourhoods kept [Shirley and Chiu 1997], so
+/// that boxes of a guide stay compact.
 vec2 concentricDisk(vec2 u) {
   const vec2 p = 2.0f * u - 1.0f;
   if (p.x == 0.0f && p.y == 0.0f) return vec2(0.0f);
@@ -48,6 +53,27 @@ vec2 concentricDisk(vec2 u) {
   const float r = wide ? p.x : p.y;
   const float angle = wide ? 0.25f * kPi * (p.y / p.x) : 0.5f * kPi - 0.25f * kPi * (p.x / p.y);
   return r * vec2(std::cos(angle), std::sin(angle));
+}
+
+/// Inverse of concentricDisk(), in [0, 1)^2.
+vec2 squareOfDisk(vec2 d) {
+  const float length = glm::length(d);
+  vec2 p(0.0f);
+  if (std::abs(d.x) > std::abs(d.y)) {
+    p.x = std::copysign(length, d.x);
+    p.y = p.x * (4.0f * kInvPi) * std::atan(d.y / d.x);
+  } else if (d.y != 0.0f) {
+    p.y = std::copysign(length, d.y);
+    p.x = p.y * (4.0f * kInvPi) * std::atan(d.x / d.y);
+  }
+  return glm::clamp(0.5f + 0.5f * p, vec2(0.0f), vec2(0x1.fffffep-1f));
+}
+
+/// Inverse of uniformSphere(), in [0, 1)^2.
+vec2 sphereSquare(const vec3& d) {
+  const float phi = std::atan2(d.y, d.x) * (0.5f * kInvPi);
+  return glm::clamp(vec2(0.5f - 0.5f * d.z, phi < 0.0f ? phi + 1.0f : phi), vec2(0.0f),
+                    vec2(0x1.fffffep-1f));
 }
 
 std::uint64_t lightKey(std::uint32_t object, std::uint32_t material) {
@@ -60,8 +86,8 @@ std::vector<double> cumulate(const std::vector<double>& weights) {
   return sums;
 }
 
-/// Texel weight of a latitude-longitude map: mean luminance of what bilinear look-ups can return near
-/// it times the sine, never 0 so that every direction can be sampled.
+/// Texel weight of a latitude-longitude map: mean luminance of what bilinear look-ups can return
+/// near it times the sine, never 0 so that every direction can be sampled.
 double texelWeight(const Image& map, int x, int y) {
   const auto at = [&](int px, int py) {
     px = (px + map.width) % map.width;
@@ -112,7 +138,8 @@ void LightSet::addLuminaires(const Scene& scene, const dvec3& renderOrigin) {
   }
   for (const Luminaire& l : luminaires_) {
     const double sides = materialTwoSided_[l.material] ? 2.0 : 1.0;
-    const double power = std::numbers::pi * l.area * sides * luminance(materialRadiance_[l.material]);
+    const double power =
+        std::numbers::pi * l.area * sides * luminance(materialRadiance_[l.material]);
     const auto index = static_cast<std::uint32_t>(lights_.size());
     luminaireOf_[lightKey(l.object, l.material)] = index;
     lights_.push_back({Kind::kLuminaire, index, power});
@@ -132,8 +159,14 @@ void LightSet::addLuminaire(const Scene& scene, const Instance& instance,
     const dvec3 local = mesh.origin + dvec3(mesh.positions[v]);
     return vec3(dvec3(instance.transform * glm::dvec4(local, 1.0)) - renderOrigin);
   };
-  Luminaire luminaire{static_cast<std::uint32_t>(emitters_.size()), 0, object, material,
-                      vec3(0.0f), vec3(0.0f), 0.0f, 0.0f};
+  Luminaire luminaire{static_cast<std::uint32_t>(emitters_.size()),
+                      0,
+                      object,
+                      material,
+                      vec3(0.0f),
+                      vec3(0.0f),
+                      0.0f,
+                      0.0f};
   Box3f bounds;
   for (const glm::uvec3& t : mesh.triangles) {
     const vec3 a = place(t.x), b = place(t.y) - a, c = place(t.z) - a;
@@ -184,7 +217,8 @@ void LightSet::addPunctual(const Scene& scene, const dvec3& renderOrigin) {
 }
 
 void LightSet::addEnvironment(const Scene& scene) {
-  const double disk = std::numbers::pi * radius_ * radius_;  // what a parallel beam sees of the sphere
+  const double disk =
+      std::numbers::pi * radius_ * radius_;  // what a parallel beam sees of the sphere
   if (scene.environment.map) {
     buildMapTables();
     if (mapPower_ > 0.0) {
@@ -200,7 +234,8 @@ void LightSet::addEnvironment(const Scene& scene) {
 
 void LightSet::buildMapTables() {
   const Image& map = *environment_.map;
-  const auto width = static_cast<std::size_t>(map.width), height = static_cast<std::size_t>(map.height);
+  const auto width = static_cast<std::size_t>(map.width),
+             height = static_cast<std::size_t>(map.height);
   std::vector<double> rows(height, 0.0);
   mapColumns_.assign((width + 1) * height, 0.0);
   double largest = 0.0;
@@ -259,8 +294,10 @@ float LightSet::weigh(const Entry& entry, const vec3& point) const {
       const vec3 away = point - p.position;
       return intensity / std::max(glm::dot(away, away), 1e-8f * radius_ * radius_);
     }
-    case Kind::kMap: return static_cast<float>(mapPower_);
-    case Kind::kConstant: break;
+    case Kind::kMap:
+      return static_cast<float>(mapPower_);
+    case Kind::kConstant:
+      break;
   }
   return 0.0f;
 }
@@ -306,9 +343,14 @@ bool LightSet::sample(const vec3& point, Sampler& sampler, LightSample& out) con
     case Kind::kLuminaire:
       found = sampleLuminaire(luminaires_[entry.index], point, u, out);
       break;
-    case Kind::kPunctual: found = samplePunctual(punctual_[entry.index], point, out); break;
-    case Kind::kMap: found = sampleMap(u, out); break;
-    case Kind::kConstant: break;
+    case Kind::kPunctual:
+      found = samplePunctual(punctual_[entry.index], point, out);
+      break;
+    case Kind::kMap:
+      found = sampleMap(u, out);
+      break;
+    case Kind::kConstant:
+      break;
   }
   out.pdf *= chance;
   return found && out.pdf > 0.0f && maxComponent(out.radiance) > 0.0f;
@@ -328,7 +370,8 @@ bool LightSet::sampleLuminaire(const Luminaire& luminaire, const vec3& point, ve
                                LightSample& out) const {
   const Emitter& emitter = pickEmitter(luminaire, u.x);
   const float root = std::sqrt(u.x);
-  const vec3 on = emitter.corner + emitter.edge1 * (root * (1.0f - u.y)) + emitter.edge2 * (root * u.y);
+  const vec3 on =
+      emitter.corner + emitter.edge1 * (root * (1.0f - u.y)) + emitter.edge2 * (root * u.y);
   const vec3 towards = on - point;
   const float distance2 = glm::dot(towards, towards);
   if (!(distance2 > 0.0f)) return false;
@@ -365,7 +408,8 @@ bool LightSet::samplePunctual(const Punctual& punctual, const vec3& point, Light
   return true;
 }
 
-/// Direction of map coordinates: row 0 is +y; u = 0.5 + atan2(x, -z) / (2 pi), as environment() reads.
+/// Direction of map coordinates: row 0 is +y; u = 0.5 + atan2(x, -z) / (2 pi), as environment()
+/// reads.
 vec3 LightSet::mapDirection(vec2 u, float& pdf) const {
   const auto width = static_cast<std::size_t>(environment_.map->width);
   const auto height = static_cast<std::size_t>(environment_.map->height);
@@ -375,7 +419,8 @@ vec3 LightSet::mapDirection(vec2 u, float& pdf) const {
   const double target = static_cast<double>(u.y) * row[width];
   const double* at = std::upper_bound(row + 1, row + width, target);
   const auto x = static_cast<std::size_t>(at - row) - 1;
-  w = std::clamp(static_cast<float>((target - row[x]) / (row[x + 1] - row[x])), 0.0f, 0x1.fffffep-1f);
+  w = std::clamp(static_cast<float>((target - row[x]) / (row[x + 1] - row[x])), 0.0f,
+                 0x1.fffffep-1f);
   const float theta = kPi * (static_cast<float>(y) + v) / static_cast<float>(height);
   const float phi = 2.0f * kPi * ((static_cast<float>(x) + w) / static_cast<float>(width) - 0.5f);
   const float sine = std::sin(theta);
@@ -423,9 +468,9 @@ float LightSet::mapDensity(const vec3& direction) const {
   const std::size_t y = cell(theta * kInvPi, height), x = cell(0.5f + phi * 0.5f * kInvPi, width);
   const double* row = &mapColumns_[y * (width + 1)];
   const double chance = (row[x + 1] - row[x]) / mapRows_.back();
-  return static_cast<float>(chance * static_cast<double>(width * height) /
-                            (2.0 * std::numbers::pi * std::numbers::pi *
-                             std::max(static_cast<double>(sine), 1e-6)));
+  return static_cast<float>(
+      chance * static_cast<double>(width * height) /
+      (2.0 * std::numbers::pi * std::numbers::pi * std::max(static_cast<double>(sine), 1e-6)));
 }
 
 vec3 LightSet::environment(const vec3& direction) const {
@@ -456,11 +501,13 @@ float LightSet::largestPhotonPower() const {
 /// Dimensions of a source's primary sample space if it shines from outside, else 0.
 int LightSet::outsideDimensions(const Entry& source) const {
   switch (source.kind) {
-    case Kind::kLuminaire: return 0;
+    case Kind::kLuminaire:
+      return 0;
     case Kind::kPunctual:
       return punctual_[source.index].light.type == Light::Type::kDirectional ? 2 : 0;
     case Kind::kMap:
-    case Kind::kConstant: return 4;
+    case Kind::kConstant:
+      return 4;
   }
   return 0;
 }
@@ -499,7 +546,8 @@ void LightSet::emitLuminaire(const Luminaire& luminaire, Sampler& sampler,
   const Emitter& emitter = pickEmitter(luminaire, u.x);
   vec2 d = sampler.next2D();
   const float root = std::sqrt(u.x);
-  out.origin = emitter.corner + emitter.edge1 * (root * (1.0f - u.y)) + emitter.edge2 * (root * u.y);
+  out.origin =
+      emitter.corner + emitter.edge1 * (root * (1.0f - u.y)) + emitter.edge2 * (root * u.y);
   vec3 normal = emitter.normal;
   float sides = 1.0f;
   if (materialTwoSided_[luminaire.material]) {
@@ -524,9 +572,10 @@ void LightSet::emitPunctual(const Punctual& punctual, Sampler& sampler, EmittedP
   if (light.type == Light::Type::kSpot) {
     const float cosine = 1.0f - u.x * (1.0f - std::cos(light.outerConeAngle));
     const float sine = std::sqrt(std::max(0.0f, 1.0f - cosine * cosine)), phi = 2.0f * kPi * u.y;
-    out.direction = Basis(light.direction).toWorld(vec3(sine * std::cos(phi), sine * std::sin(phi), cosine));
-    out.power = light.intensity * (2.0f * kPi * (1.0f - std::cos(light.outerConeAngle)) *
-                                   spotFactor(light, cosine));
+    out.direction =
+        Basis(light.direction).toWorld(vec3(sine * std::cos(phi), sine * std::sin(phi), cosine));
+    out.power = light.intensity *
+                (2.0f * kPi * (1.0f - std::cos(light.outerConeAngle)) * spotFactor(light, cosine));
     return;
   }
   out.direction = uniformSphere(u);
@@ -562,13 +611,83 @@ void LightSet::emitOutside(const Entry& source, Sampler& sampler,
   out.power /= out.density;
 }
 
+/// The place on the disk, in the unit square, that a photon to `point` starts from.
+vec2 LightSet::diskPlace(const vec3& towards, const vec3& point) const {
+  const vec3 p = Basis(towards).toLocal((point - centre_) / radius_);
+  return squareOfDisk(vec2(p.x, p.y));
+}
+
+/// Inverse of mapDirection().
+vec2 LightSet::mapPlace(const vec3& direction) const {
+  const auto width = static_cast<std::size_t>(environment_.map->width);
+  const auto height = static_cast<std::size_t>(environment_.map->height);
+  const auto place = [](const double* sums, std::size_t n, double x) {
+    const double at = std::clamp(x, 0.0, 1.0) * static_cast<double>(n);
+    const std::size_t i = std::min(static_cast<std::size_t>(at), n - 1);
+    const double inside = sums[i] + (at - static_cast<double>(i)) * (sums[i + 1] - sums[i]);
+    return static_cast<float>(inside / sums[n]);
+  };
+  const float theta = std::atan2(std::hypot(direction.x, direction.z), direction.y);
+  const float phi = std::atan2(direction.x, -direction.z);
+  const double y = static_cast<double>(theta * kInvPi);
+  const double x = static_cast<double>(0.5f + phi * 0.5f * kInvPi);
+  const std::size_t row =
+      std::min(static_cast<std::size_t>(y * static_cast<double>(height)), height - 1);
+  return vec2(place(mapRows_.data(), height, y), place(&mapColumns_[row * (width + 1)], width, x));
+}
+
+void LightSet::hint(const ImportanceMap& importance, const RayScene& rays,
+                    std::span<EmissionGuide> guides) const {
+  std::size_t suns = 0;
+  for (std::size_t i = 0; i < guides.size(); ++i) {
+    const Entry& source = sources_[i];
+    if (guides[i].dimensions() == 4) hintSky(source, importance, guides[i]);
+    if (guides[i].dimensions() == 2 && suns++ < kMostHintedSuns) {
+      hintSun(punctual_[source.index].light.direction, importance, rays, guides[i]);
+    }
+    guides[i].update();
+  }
+}
+
+/// Escapes are uniform in solid angle times area, as photons of a constant sky are; a map's photons
+/// are denser where the map is bright, and each hint then stands for more of primary space.
+void LightSet::hintSky(const Entry& source, const ImportanceMap& importance,
+                       EmissionGuide& guide) const {
+  for (const ImportanceMap::Escape& e : importance.escapes()) {
+    const vec2 disk = diskPlace(-e.direction, e.origin);
+    if (source.kind == Kind::kMap) {
+      guide.hint(vec4(disk, mapPlace(e.direction)), e.visits * mapDensity(e.direction));
+    } else {
+      guide.hint(vec4(disk, sphereSquare(-e.direction)), e.visits);
+    }
+  }
+}
+
+void LightSet::hintSun(const vec3& towards, const ImportanceMap& importance, const RayScene& rays,
+                       EmissionGuide& guide) const {
+  const auto& readers = importance.readers();
+  std::vector<std::uint8_t> lit(readers.size(), 0);
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, readers.size(), 256),
+                    [&](const auto& range) {
+                      for (std::size_t i = range.begin(); i < range.end(); ++i) {
+                        lit[i] = glm::dot(readers[i].normal, towards) < 0.0f &&
+                                 !rays.occluded(readers[i].position, -towards, 0.0f, kInfinity);
+                      }
+                    });
+  for (std::size_t i = 0; i < readers.size(); ++i) {
+    if (!lit[i]) continue;
+    const float cosine = -glm::dot(readers[i].normal, towards);
+    guide.hint(vec4(diskPlace(towards, readers[i].position), 0.0f, 0.0f),
+               readers[i].visits * cosine);
+  }
+}
+
 /// A photon through the disk that the sphere around the scene shows to `towards`.
 void LightSet::emitFromSphere(const vec3& towards, vec2 u, EmittedPhoton& out) const {
   const vec2 d = radius_ * concentricDisk(u);
   const Basis basis(towards);
   out.direction = towards;
-  out.origin =
-      centre_ + basis.tangent * d.x + basis.bitangent * d.y - towards * (radius_ * 1.001f);
+  out.origin = centre_ + basis.tangent * d.x + basis.bitangent * d.y - towards * (radius_ * 1.001f);
 }
 
 }  // namespace trex

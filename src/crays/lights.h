@@ -1,10 +1,10 @@
 // Light sources gathered from a scene and sampled for next event estimation and photons.
 //
 // Emissive triangles of one object and material form a luminaire. Luminaires, point, spot and
-// directional lights and an environment map are chosen in proportion to an estimate of the irradiance
-// each gives at the point, if there are few; of their power, if there are many. A constant sky is not
-// in the set of next event estimation: the cosine of the surface is its ideal density, so directions
-// sampled from the BSDF serve it alone.
+// directional lights and an environment map are chosen in proportion to an estimate of the
+// irradiance each gives at the point, if there are few; of their power, if there are many. A
+// constant sky is not in the set of next event estimation: the cosine of the surface is its ideal
+// density, so directions sampled from the BSDF serve it alone.
 #pragma once
 
 #include <cstdint>
@@ -19,23 +19,24 @@
 
 namespace trex {
 
-/// A direction towards a light from a point. radiance/pdf is what arrives if nothing is between; for
-/// point-like lights (`delta`) pdf is the chance of choosing the light and radiance is an irradiance
-/// at normal incidence.
+/// A direction towards a light from a point. radiance/pdf is what arrives if nothing is between;
+/// for point-like lights (`delta`) pdf is the chance of choosing the light and radiance is an
+/// irradiance at normal incidence.
 struct LightSample {
   vec3 direction{0.0f};
-  float distance = 0.0f;   ///< metres; infinite for directional lights and the environment
+  float distance = 0.0f;  ///< metres; infinite for directional lights and the environment
   vec3 radiance{0.0f};
-  float pdf = 0.0f;        ///< per solid angle
+  float pdf = 0.0f;  ///< per solid angle
   bool delta = false;
-  float solidAngle = 0.0f; ///< of the light as seen from the point, steradian, about; 0 if point-like
+  float solidAngle =
+      0.0f;  ///< of the light as seen from the point, steradian, about; 0 if point-like
 };
 
-/// A photon leaving a light: power is that of all light divided by the density of the choice, so the
-/// mean of many photons carries the scene's power.
+/// A photon leaving a light: power is that of all light divided by the density of the choice, so
+/// the mean of many photons carries the scene's power.
 struct EmittedPhoton {
   vec3 origin{0.0f}, direction{0.0f};
-  vec3 power{0.0f};   ///< W
+  vec3 power{0.0f};  ///< W
   /// How it was chosen, for EmissionGuide::learn: the source, the place in its primary sample space
   /// (direction, disk) and the density there over the uniform one. Set for outside sources.
   std::uint32_t source = 0;
@@ -45,8 +46,8 @@ struct EmittedPhoton {
 
 class LightSet {
  public:
-  /// `renderOrigin` and `bounds` as in RayScene. Triangles of emissive materials of all instances are
-  /// listed; a textured emission counts with its mean.
+  /// `renderOrigin` and `bounds` as in RayScene. Triangles of emissive materials of all instances
+  /// are listed; a textured emission counts with its mean.
   LightSet(const Scene& scene, const dvec3& renderOrigin, const Box3f& bounds);
 
   /// True if next event estimation has anything to sample.
@@ -56,8 +57,9 @@ class LightSet {
   /// Samples a light as seen from `point`; false if the sample carries nothing.
   bool sample(const vec3& point, Sampler& sampler, LightSample& out) const;
 
-  /// Density per solid angle with which sample(point) would have found the emitter of this object and
-  /// material that a ray hit after `distance`; cosine at the emitter. 0 for surfaces not in the set.
+  /// Density per solid angle with which sample(point) would have found the emitter of this object
+  /// and material that a ray hit after `distance`; cosine at the emitter. 0 for surfaces not in the
+  /// set.
   float pdfEmitter(const vec3& point, std::uint32_t object, std::uint32_t material, float distance,
                    float cosine) const;
   /// Density with which sample(point) would have found this direction of the environment map; 0 if
@@ -72,6 +74,10 @@ class LightSet {
   bool emit(Sampler& sampler, EmittedPhoton& out, std::span<const EmissionGuide> guides = {}) const;
   /// Guides that know nothing yet, by source; none if no source shines from outside.
   std::vector<EmissionGuide> guides() const;
+  /// Hints for the guides from importons: their escapes for skies, and for suns what they see of
+  /// them.
+  void hint(const ImportanceMap& importance, const RayScene& rays,
+            std::span<EmissionGuide> guides) const;
   /// Total power of all lights, W, by luminance.
   double totalPower() const { return totalPower_; }
   /// The largest channel of a photon's power that emit() can return.
@@ -79,7 +85,8 @@ class LightSet {
 
  private:
   enum class Kind : std::uint8_t { kLuminaire, kPunctual, kMap, kConstant };
-  static constexpr std::size_t kMostWeighed = 48;  ///< lights up to which each is weighed at a point
+  static constexpr std::size_t kMostWeighed =
+      48;  ///< lights up to which each is weighed at a point
 
   struct Emitter {
     vec3 corner, edge1, edge2, normal;  ///< triangle, normal of the front
@@ -119,6 +126,11 @@ class LightSet {
   vec3 mapDirection(vec2 u, float& pdf) const;
   void emitLuminaire(const Luminaire& luminaire, Sampler& sampler, EmittedPhoton& out) const;
   void emitPunctual(const Punctual& punctual, Sampler& sampler, EmittedPhoton& out) const;
+  vec2 mapPlace(const vec3& direction) const;
+  vec2 diskPlace(const vec3& towards, const vec3& point) const;
+  void hintSky(const Entry& source, const ImportanceMap& importance, EmissionGuide& guide) const;
+  void hintSun(const vec3& towards, const ImportanceMap& importance, const RayScene& rays,
+               EmissionGuide& guide) const;
   int outsideDimensions(const Entry& source) const;
   void emitOutside(const Entry& source, Sampler& sampler, std::span<const EmissionGuide> guides,
                    EmittedPhoton& out) const;
@@ -129,16 +141,16 @@ class LightSet {
   std::vector<Luminaire> luminaires_;
   std::unordered_map<std::uint64_t, std::uint32_t> luminaireOf_;  ///< object and material to light
   std::vector<Punctual> punctual_;
-  std::vector<Entry> lights_;              ///< of next event estimation
-  std::vector<Entry> sources_;             ///< of photons: lights_ and the constant sky
+  std::vector<Entry> lights_;   ///< of next event estimation
+  std::vector<Entry> sources_;  ///< of photons: lights_ and the constant sky
   std::vector<double> lightCumulative_, sourceCumulative_;
-  std::vector<vec3> materialRadiance_;     ///< mean emission by material
+  std::vector<vec3> materialRadiance_;  ///< mean emission by material
   std::vector<bool> materialTwoSided_;
   Environment environment_;
   std::vector<double> mapRows_, mapColumns_;  ///< cumulative luminance * sin(theta)
   double mapPower_ = 0.0;
   vec3 centre_{0.0f};
-  float radius_ = 1.0f;                    ///< of the sphere around the scene
+  float radius_ = 1.0f;  ///< of the sphere around the scene
   double totalPower_ = 0.0;
 };
 

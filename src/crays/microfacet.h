@@ -47,8 +47,8 @@ inline vec3 ggxSampleVisible(const vec3& out, float alpha, vec2 u) {
   const float r = std::sqrt(u.x), phi = 2.0f * kPi * u.y;
   const float x = r * std::cos(phi);
   const float blend = 0.5f * (1.0f + stretched.z);
-  const float y = (1.0f - blend) * std::sqrt(std::max(0.0f, 1.0f - x * x)) +
-                  blend * r * std::sin(phi);
+  const float y =
+      (1.0f - blend) * std::sqrt(std::max(0.0f, 1.0f - x * x)) + blend * r * std::sin(phi);
   const float z = std::sqrt(std::max(0.0f, 1.0f - x * x - y * y));
   const vec3 n = x * t1 + y * t2 + z * stretched;
   return glm::normalize(vec3(alpha * n.x, alpha * n.y, std::max(n.z, 1e-7f)));

@@ -10,19 +10,60 @@
 #include "src/core/sampler.h"
 #include "src/crays/bsdf.h"
 #include "src/crays/integrator.h"
+#include "src/crays/microfacet.h"
 
 namespace trex {
 namespace {
 
-constexpr int kMostBounces = 32;  // of an importon, mirrors included
-constexpr int kMarks = 3;         // diffuse bounces of an importon
-constexpr std::uint32_t kNowhere = ~0u;
+constexpr int kMostBounces = 32;     // of an importon, mirrors included
+constexpr int kMarks = 3;            // diffuse bounces of an importon
+constexpr std::uint32_t kLooks = 2;  // rays towards the outside from each marked place
+constexpr int kMostLayers = 8;       // of glass or leaves that such a ray may pass
 
 constexpr std::size_t kMostPoints = 1u << 17;  // enough known: later photons teach nothing new
 constexpr std::size_t kFewestPoints = 32;      // before that the guide stays uniform
 constexpr std::uint32_t kLeafPoints = 16;
-constexpr int kMostCuts = 8;      // of one dimension
-constexpr double kSmooth = 0.25;  // share of a leaf's moment that its parent's mean gives
+constexpr int kMostCuts = 8;  // of one dimension
+
+}  // namespace
+
+/// What one importon found.
+struct ImportanceMap::Trace {
+  struct Mark {
+    vec3 position, normal;
+    std::array<vec3, kLooks> origin, direction;
+    std::uint32_t escapes = 0;
+  };
+  std::array<Mark, kMarks> marks;
+  std::uint32_t count = 0;
+};
+
+namespace {
+
+vec3 leave(const Surface& surface, const vec3& direction) {
+  const float side = glm::dot(surface.geometricNormal, direction) >= 0.0f ? 1.0f : -1.0f;
+  return surface.position + surface.geometricNormal * (side * surface.error);
+}
+
+/// Whether a ray reaches the outside through nothing but clear layers; origin and direction become
+/// those of its last piece.
+bool escape(const Scene& scene, const RayScene& rays, Sampler& sampler, vec3& origin,
+            vec3& direction) {
+  for (int layer = 0; layer < kMostLayers; ++layer) {
+    RayHit hit;
+    if (!rays.intersect(origin, direction, 0.0f, kInfinity, hit)) return true;
+    const Surface surface = rays.surface(hit);
+    const Bsdf bsdf(scene, surface, -direction);
+    if (bsdf.unlit()) return false;
+    if (bsdf.coverage() >= 1.0f || sampler.next1D() < bsdf.coverage()) {
+      BsdfSample next;
+      if (!bsdf.onlyDelta() || !bsdf.sample(sampler, next)) return false;
+      direction = next.direction;
+    }
+    origin = leave(surface, direction);
+  }
+  return false;
+}
 
 }  // namespace
 
@@ -32,60 +73,87 @@ ImportanceMap::ImportanceMap(const Scene& scene, const RayScene& rays, const Cam
   const Box3f bounds = rays.bounds();
   if (bounds.empty()) return;
   lower_ = bounds.lower;
-  const float edge = std::max(maxComponent(bounds.size()), 1e-20f);
-  perMetre_ = static_cast<float>(kCells) / edge;
-  std::vector<std::array<std::uint32_t, kMarks>> marks(paths);
+  perMetre_ = 1.0f / std::max(maxComponent(bounds.size()), 1e-20f);
 
-  tbb::parallel_for(tbb::blocked_range<std::uint32_t>(0, paths, 64), [&](const auto& range) {
-    for (std::uint32_t i = range.begin(); i < range.end(); ++i) {
-      marks[i].fill(kNowhere);
-      Sampler sampler(0x696d706fu, i, seed);
-      const vec2 place = sampler.next2D();
-      vec3 origin, direction;
-      camera.ray(place.x * static_cast<float>(width), place.y * static_cast<float>(height), origin,
-                 direction);
-      std::size_t marked = 0;
-      bool scattered = false;  // light cached at the next surface would be read
-      for (int bounce = 0; bounce < kMostBounces && marked < kMarks; ++bounce) {
-        RayHit hit;
-        if (!rays.intersect(origin, direction, 0.0f, kInfinity, hit)) break;
-        const Surface surface = rays.surface(hit);
-        const Bsdf bsdf(scene, surface, -direction);
-        if (bsdf.unlit()) break;
-        if (bsdf.coverage() >= 1.0f || sampler.next1D() < bsdf.coverage()) {
-          if (scattered && bsdf.cacheable()) {
-            marks[i][marked++] = cell(surface.position, bsdf.geometricNormal());
+  const auto trace = [&](std::uint32_t number, Trace& out) {
+    Sampler sampler(0x696d706fu, number, seed);
+    const vec2 place = sampler.next2D();
+    vec3 origin, direction;
+    camera.ray(place.x * static_cast<float>(width), place.y * static_cast<float>(height), origin,
+               direction);
+    bool scattered = false;  // light cached at the next surface would be read
+    for (int bounce = 0; bounce < kMostBounces && out.count < kMarks; ++bounce) {
+      RayHit hit;
+      if (!rays.intersect(origin, direction, 0.0f, kInfinity, hit)) return;
+      const Surface surface = rays.surface(hit);
+      const Bsdf bsdf(scene, surface, -direction);
+      if (bsdf.unlit()) return;
+      if (bsdf.coverage() >= 1.0f || sampler.next1D() < bsdf.coverage()) {
+        if (scattered && bsdf.cacheable()) {
+          Trace::Mark& mark = out.marks[out.count++];
+          mark.normal = bsdf.geometricNormal();
+          mark.position = leave(surface, mark.normal);
+          for (std::uint32_t look = 0; look < kLooks; ++look) {
+            vec3 from = mark.position,
+                 to = Basis(mark.normal).toWorld(cosineSample(sampler.next2D()));
+            if (!escape(scene, rays, sampler, from, to)) continue;
+            mark.origin[mark.escapes] = from;
+            mark.direction[mark.escapes++] = to;
           }
-          BsdfSample next;
-          if (!bsdf.sample(sampler, next)) break;
-          const float survival = std::min(maxComponent(next.weight * next.etaSquared), 1.0f);
-          if (!(sampler.next1D() < survival)) break;
-          direction = next.direction;
-          scattered = !next.delta;
         }
-        const float side = glm::dot(surface.geometricNormal, direction) >= 0.0f ? 1.0f : -1.0f;
-        origin = surface.position + surface.geometricNormal * (side * surface.error);
+        BsdfSample next;
+        if (!bsdf.sample(sampler, next)) return;
+        if (!(sampler.next1D() < maxComponent(next.weight * next.etaSquared))) return;
+        direction = next.direction;
+        scattered = !next.delta;
+      }
+      origin = leave(surface, direction);
+    }
+  };
+  std::vector<Trace> traces(paths);
+  tbb::parallel_for(tbb::blocked_range<std::uint32_t>(0, paths, 64), [&](const auto& range) {
+    for (std::uint32_t i = range.begin(); i < range.end(); ++i) trace(i, traces[i]);
+  });
+  collect(traces);
+}
+
+void ImportanceMap::collect(const std::vector<Trace>& traces) {
+  const auto grid = [](std::size_t cells) {
+    return std::vector<std::uint16_t>(cells * cells * cells * 6);
+  };
+  for (const Trace& trace : traces) {
+    for (std::uint32_t m = 0; m < trace.count; ++m) {
+      if (fine_.empty()) {
+        fine_ = grid(kFine);
+        coarse_ = grid(kCoarse);
+      }
+      const Trace::Mark& mark = trace.marks[m];
+      for (std::uint16_t* count : {&fine_[cell(mark.position, mark.normal, kFine)],
+                                   &coarse_[cell(mark.position, mark.normal, kCoarse)]}) {
+        if (*count < 0xffffu) ++*count;
       }
     }
-  });
-
-  for (const auto& path : marks) {
-    for (const std::uint32_t c : path) {
-      if (c == kNowhere) continue;
-      if (visits_.empty()) visits_.assign(std::size_t{kCells} * kCells * kCells * 6, 0);
-      if (visits_[c] < 0xffffu) ++visits_[c];
+  }
+  for (const Trace& trace : traces) {
+    for (std::uint32_t m = 0; m < trace.count; ++m) {
+      const Trace::Mark& mark = trace.marks[m];
+      readers_.push_back({mark.position, mark.normal, visits(mark.position, mark.normal)});
+      for (std::uint32_t i = 0; i < mark.escapes; ++i) {
+        escapes_.push_back({mark.origin[i], mark.direction[i], readers_.back().visits});
+      }
     }
   }
 }
 
 /// The number of a cell: walls are thinner than cells, so their two sides are told apart by normal.
-std::uint32_t ImportanceMap::cell(const vec3& position, const vec3& normal) const {
+std::uint32_t ImportanceMap::cell(const vec3& position, const vec3& normal,
+                                  std::uint32_t cells) const {
   std::uint32_t number = 0;
   for (int axis = 0; axis < 3; ++axis) {
-    const float at = (position[axis] - lower_[axis]) * perMetre_;
-    const auto last = static_cast<float>(kCells - 1);
+    const float at = (position[axis] - lower_[axis]) * perMetre_ * static_cast<float>(cells);
+    const auto last = static_cast<float>(cells - 1);
     // Written so that NaN falls into cell 0.
-    number = number * kCells + static_cast<std::uint32_t>(at > 0.0f ? std::min(at, last) : 0.0f);
+    number = number * cells + static_cast<std::uint32_t>(at > 0.0f ? std::min(at, last) : 0.0f);
   }
   const vec3 size = glm::abs(normal);
   const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
@@ -93,7 +161,10 @@ std::uint32_t ImportanceMap::cell(const vec3& position, const vec3& normal) cons
 }
 
 float ImportanceMap::visits(const vec3& position, const vec3& normal) const {
-  return visits_.empty() ? 0.0f : static_cast<float>(visits_[cell(position, normal)]);
+  if (fine_.empty()) return 0.0f;
+  constexpr float kPerFine = static_cast<float>(kCoarse * kCoarse) / (kFine * kFine);  // surfaces
+  return 0.5f * (static_cast<float>(fine_[cell(position, normal, kFine)]) +
+                 static_cast<float>(coarse_[cell(position, normal, kCoarse)]) * kPerFine);
 }
 
 float EmissionGuide::warp(float choice, vec4& primary) const {
@@ -108,8 +179,13 @@ float EmissionGuide::warp(float choice, vec4& primary) const {
 }
 
 void EmissionGuide::learn(const vec4& primary, float density, float value) {
-  if (dimensions_ == 0 || points_.size() >= kMostPoints || !(value > 0.0f)) return;
-  points_.push_back({primary, value * value / density});
+  if (dimensions_ == 0 || learnt_.size() >= kMostPoints || !(value > 0.0f)) return;
+  learnt_.push_back({primary, value * value / density});
+}
+
+void EmissionGuide::hint(const vec4& primary, float weight) {
+  if (dimensions_ == 0 || hints_.size() >= kMostPoints || !(weight > 0.0f)) return;
+  hints_.push_back({primary, weight});
 }
 
 double EmissionGuide::sumMoments(std::uint32_t first, std::uint32_t last) const {
@@ -155,19 +231,27 @@ void EmissionGuide::cut(const Node& node, int axis, std::vector<Node>& open) {
   low.last = high.first = static_cast<std::uint32_t>(split - points_.begin());
   for (Node* half : {&high, &low}) {
     half->moment = sumMoments(half->first, half->last);
-    half->parentMoment = node.moment;
     ++half->cuts[static_cast<std::size_t>(axis)];
     open.push_back(*half);
   }
 }
 
 void EmissionGuide::update() {
-  if (points_.size() < std::max(kFewestPoints, built_ + built_ / 2)) return;
-  built_ = points_.size();
+  const std::size_t known = hints_.size() + learnt_.size();
+  if (known < std::max(kFewestPoints, built_ + built_ / 2)) return;
+  built_ = known;
   leaves_.clear();
+  // Hints and photons tell the same, each in a unit of its own: they count by their numbers.
+  points_.clear();
+  for (const auto* from : {&hints_, &learnt_}) {
+    double sum = 0.0;
+    for (const Point& p : *from) sum += static_cast<double>(p.moment);
+    const auto unit = static_cast<float>(static_cast<double>(from->size()) / sum);
+    for (const Point& p : *from) points_.push_back({p.primary, p.moment * unit});
+  }
   const auto count = static_cast<std::uint32_t>(points_.size());
   const double all = sumMoments(0, count);
-  std::vector<Node> open{{0, count, vec4(0.0f), vec4(1.0f), all, 2.0 * all, {}}};
+  std::vector<Node> open{{0, count, vec4(0.0f), vec4(1.0f), all, {}}};
   std::vector<double> shares;
   double sum = 0.0;
   while (!open.empty()) {
@@ -182,8 +266,7 @@ void EmissionGuide::update() {
     // photon's power is one over the density.
     const double volume =
         static_cast<double>(node.size.x) * node.size.y * node.size.z * node.size.w;
-    const double moment = (1.0 - kSmooth) * node.moment + kSmooth * 0.5 * node.parentMoment;
-    shares.push_back(std::sqrt(volume * moment));
+    shares.push_back(std::sqrt(volume * node.moment));
     sum += shares.back();
     leaves_.push_back({node.lower, node.size, static_cast<float>(volume)});
   }

@@ -2,11 +2,12 @@
 // [Peter and Pietrek 1998].
 //
 // A sky or a sun shines on the whole sphere around the scene; of an interior's photons nearly all
-// land on the outside of the building. An ImportanceMap marks the places whose cached light camera
-// paths would read. Photons that land there teach an EmissionGuide per source where in the source's
-// primary sample space (two numbers of direction, two of the place on the disk) they came from, and
-// later photons start there more often. Power is divided by the density, and a share of the photons
-// stays uniform, so the mean is right in every state of the guide, and powers are bounded.
+// land on the outside of the building. An ImportanceMap traces importons: camera paths that mark
+// the places whose cached light would be read. Those that leave the scene, and photons that land in
+// marked places, teach an EmissionGuide per source where in the source's primary sample space (two
+// numbers for the place on the disk, two for the direction) wanted photons start, and later photons
+// start there more often. Power is divided by the density, and a share of the photons stays
+// uniform, so the mean is right in every state of the guide, and powers are bounded.
 #pragma once
 
 #include <array>
@@ -31,19 +32,39 @@ class ImportanceMap {
   /// (oneTBB).
   ImportanceMap(const Scene& scene, const RayScene& rays, const CameraRays& camera,
                 std::uint32_t width, std::uint32_t height, std::uint32_t seed,
-                std::uint32_t paths = 8192);
+                std::uint32_t paths = 4096);
 
-  /// Visits of the cell of a surface point, on the side of `normal`; 0: nothing there is wanted.
+  /// About how many importons visited the cell of a surface point, on the side of `normal`; 0:
+  /// nothing there is wanted.
   float visits(const vec3& position, const vec3& normal) const;
-  bool empty() const { return visits_.empty(); }
+  bool empty() const { return fine_.empty(); }
+
+  /// A surface point whose cached light an importon would read.
+  struct Reader {
+    vec3 position, normal;  ///< position: a little off the surface, on the side of the unit normal
+    float visits;           ///< of its cell
+  };
+  /// A line from a reader to the outside; the unit direction points away from the scene.
+  struct Escape {
+    vec3 origin, direction;
+    float visits;  ///< of the reader's cell
+  };
+  const std::vector<Reader>& readers() const { return readers_; }
+  const std::vector<Escape>& escapes() const { return escapes_; }
 
  private:
-  static constexpr std::uint32_t kCells = 48;  ///< along the largest extent
-  std::uint32_t cell(const vec3& position, const vec3& normal) const;
+  /// Cells along the largest extent. The mean of both grids counts: fine cells tell near from far,
+  /// in coarse ones nothing is missed by chance.
+  static constexpr std::uint32_t kFine = 64, kCoarse = 16;
+  struct Trace;
+  std::uint32_t cell(const vec3& position, const vec3& normal, std::uint32_t cells) const;
+  void collect(const std::vector<Trace>& traces);
 
   vec3 lower_{0.0f};
-  float perMetre_ = 0.0f;
-  std::vector<std::uint16_t> visits_;  ///< kCells^3 x six directions of the normal
+  float perMetre_ = 0.0f;                     ///< one over the largest extent
+  std::vector<std::uint16_t> fine_, coarse_;  ///< visits, cells^3 x six directions of the normal
+  std::vector<Reader> readers_;
+  std::vector<Escape> escapes_;
 };
 
 /// A density over the unit square (a sun) or hypercube of four dimensions (a sky): leaves of a k-d
@@ -65,6 +86,9 @@ class EmissionGuide {
   /// A photon started at `primary` with this density and landed where `value` (> 0) is its
   /// importance.
   void learn(const vec4& primary, float density, float value);
+  /// Before any photon: a place where wanted photons would start. The sum of weights of hints in a
+  /// region is in proportion to what photons would give there, value^2 / density.
+  void hint(const vec4& primary, float weight);
   /// Brings the density up to date, if much was learnt since the last time.
   void update();
   std::size_t leafCount() const { return leaves_.size(); }
@@ -82,8 +106,7 @@ class EmissionGuide {
   struct Node {
     std::uint32_t first, last;
     vec4 lower, size;
-    double moment;        ///< sum over its points
-    double parentMoment;  ///< of the box it was cut from
+    double moment;  ///< sum over its points
     std::array<std::uint8_t, 4> cuts;
   };
   int chooseCut(const Node& node) const;
@@ -91,8 +114,9 @@ class EmissionGuide {
   double sumMoments(std::uint32_t first, std::uint32_t last) const;
 
   int dimensions_;
-  std::vector<Point> points_;
-  std::size_t built_ = 0;  ///< points that the leaves know
+  std::vector<Point> hints_, learnt_;
+  std::vector<Point> points_;  ///< all in one unit, while the tree is built
+  std::size_t built_ = 0;      ///< points that the leaves know
   std::vector<Leaf> leaves_;
   std::vector<double> cumulative_;  ///< chances of the leaves up to and with each
 };

@@ -26,8 +26,8 @@ class Accumulator {
   std::uint32_t width() const { return width_; }
   std::uint32_t height() const { return height_; }
 
-  /// Adds a sample; `exact` may be null. A sample with a non-finite value never reaches the sums: it
-  /// is counted and the first few are kept for the report.
+  /// Adds a sample; `exact` may be null. A sample with a non-finite value never reaches the sums:
+  /// it is counted and the first few are kept for the report.
   void add(std::uint32_t x, std::uint32_t y, std::uint32_t sample, const vec3& guess,
            const vec3* exact);
 

@@ -8,9 +8,9 @@
 namespace trex {
 namespace {
 
-constexpr int kIterations = 5;            // steps of 1, 2, 4, 8, 16 pixels
-constexpr float kTolerance = 2.0f;        // differences below this many deviations are noise
-constexpr float kPlaneTolerance = 1.0f;   // pixel widths off the surface's plane
+constexpr int kIterations = 5;           // steps of 1, 2, 4, 8, 16 pixels
+constexpr float kTolerance = 2.0f;       // differences below this many deviations are noise
+constexpr float kPlaneTolerance = 1.0f;  // pixel widths off the surface's plane
 constexpr float kNormalPower = 32.0f;
 constexpr float kAlbedoTolerance = 0.1f;
 constexpr float kLeastAlbedo = 0.02f;
@@ -27,12 +27,15 @@ class Filter {
  public:
   Filter(const FeatureImage& features, const std::vector<vec3>& radiance,
          const std::vector<vec3>& variance)
-      : width_(static_cast<int>(features.width())), height_(static_cast<int>(features.height())),
-        cells_(radiance.size()), next_(radiance.size()) {
+      : width_(static_cast<int>(features.width())),
+        height_(static_cast<int>(features.height())),
+        cells_(radiance.size()),
+        next_(radiance.size()) {
     tbb::parallel_for(0, height_, [&](int y) {
       for (int x = 0; x < width_; ++x) {
         const std::size_t i = index(x, y);
-        const Feature f = features.mean(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
+        const Feature f =
+            features.mean(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
         Cell& cell = cells_[i];
         cell.albedo = glm::max(f.albedo, vec3(kLeastAlbedo));
         cell.light = radiance[i] / cell.albedo;
@@ -77,7 +80,8 @@ class Filter {
     return std::pow(std::min(cosine / lengths, 1.0f), kNormalPower) * std::exp(-plane - albedo);
   }
 
-  /// A variance from few samples is itself noise: the mean over a neighbourhood is what is used.
+  /// A variance from few samples is itself noise and rarely too large: the mean over a
+  /// neighbourhood bounds it from below.
   void smoothVariance() {
     std::vector<float> smooth(cells_.size());
     tbb::parallel_for(0, height_, [&](int y) {
@@ -97,7 +101,9 @@ class Filter {
         smooth[index(x, y)] = sum / weights;
       }
     });
-    for (std::size_t i = 0; i < smooth.size(); ++i) cells_[i].variance = smooth[i];
+    for (std::size_t i = 0; i < smooth.size(); ++i) {
+      cells_[i].variance = std::max(cells_[i].variance, smooth[i]);
+    }
   }
 
   Cell gather(int x, int y, int step) const {

@@ -13,8 +13,8 @@
 
 namespace trex {
 
-/// Count, sum and spread of RGB samples in double: after 10^6 samples the relative rounding error of
-/// the mean is below 1e-9. Deterministic for one order of samples.
+/// Count, sum and spread of RGB samples in double: after 10^6 samples the relative rounding error
+/// of the mean is below 1e-9. Deterministic for one order of samples.
 class Moments {
  public:
   void add(const vec3& value) {
@@ -82,8 +82,8 @@ inline dvec3 combinedVariance(const Moments& guess, const DifferenceMoments& pai
 }
 
 /// Whether sample number `sample` of a pixel also takes the exact path. Over any n consecutive
-/// samples floor or ceil of n * share are taken; `offset` in [0, 1), a hash of the pixel, shifts the
-/// pattern so that neighbours differ and the choice is unbiased. share in [0, 1].
+/// samples floor or ceil of n * share are taken; `offset` in [0, 1), a hash of the pixel, shifts
+/// the pattern so that neighbours differ and the choice is unbiased. share in [0, 1].
 inline bool takesExact(std::uint64_t sample, double share, double offset) {
   if (share >= 1.0) return true;
   if (share <= 0.0) return false;

@@ -1,5 +1,5 @@
-// What a pixel shows, free of light's noise: albedo, normal and place of the first surface that is not
-// a mirror or clear glass. Guides the filter, and is written as layers.
+// What a pixel shows, free of light's noise: albedo, normal and place of the first surface that is
+// not a mirror or clear glass. Guides the filter, and is written as layers.
 #pragma once
 
 #include <cstdint>
@@ -11,10 +11,10 @@ namespace trex {
 
 /// Of one sample; all zero where no surface was met.
 struct Feature {
-  vec3 albedo{0.0f};      ///< reflectance of the broad lobes, [0, 1]; one for emitters and metals
-  vec3 normal{0.0f};      ///< shading normal towards the viewer
-  vec3 position{0.0f};    ///< render space, metres
-  float footprint = 0.0f; ///< width of a pixel at that place, metres
+  vec3 albedo{0.0f};       ///< reflectance of the broad lobes, [0, 1]; one for emitters and metals
+  vec3 normal{0.0f};       ///< shading normal towards the viewer
+  vec3 position{0.0f};     ///< render space, metres
+  float footprint = 0.0f;  ///< width of a pixel at that place, metres
 };
 
 /// Sums of features over the samples of each pixel. One pixel by one thread at a time.

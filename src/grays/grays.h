@@ -19,8 +19,8 @@ struct GRayStatistics {
   std::uint64_t deviceBytes = 0;
 };
 
-/// One tracer of G-rays over one tree. Not thread safe: one caller at a time, but submit() returns at
-/// once and the work goes on beside the caller.
+/// One tracer of G-rays over one tree. Not thread safe: one caller at a time, but submit() returns
+/// at once and the work goes on beside the caller.
 class GRayTracer {
  public:
   virtual ~GRayTracer() = default;
@@ -40,8 +40,8 @@ class GRayTracer {
   /// roulette by albedo, at most 64 bounces), depositing indirect flux. Sums are 64-bit fixed point
   /// with `unit` watts a count: free of order, equal bits on every run.
   virtual void tracePhotons(std::span<const shaderio::PhotonRecord> records, double unit) = 0;
-  /// Filters flux up the tree (sums of flux over sums of area) and turns it into irradiance, divided
-  /// by `emittedPhotons`. Afterwards light() and gathers see it.
+  /// Filters flux up the tree (sums of flux over sums of area) and turns it into irradiance,
+  /// divided by `emittedPhotons`. Afterwards light() and gathers see it.
   virtual void resolveLight(std::uint64_t emittedPhotons) = 0;
   /// Irradiance as in asvo_layout.h light[], on the host; nodeCount entries.
   virtual std::span<const asvo::uvec4> light() const = 0;

@@ -40,10 +40,10 @@ struct GatherResult {
 
 /// A photon where it first met a diffuse surface; that first flight was a C-ray. 32 bytes.
 struct PhotonRecord {
-  vec3 position;   // render space, on the surface
-  uint normal;     // octahedral 2 x unorm16, geometric, on the side the light arrives at
-  vec3 power;      // W, arriving
-  uint index;      // photon number: the key of its random numbers
+  vec3 position;  // render space, on the surface
+  uint normal;    // octahedral 2 x unorm16, geometric, on the side the light arrives at
+  vec3 power;     // W, arriving
+  uint index;     // photon number: the key of its random numbers
 };
 
 /// What a photon needs of a material when it meets a voxel. 16 bytes.

@@ -42,9 +42,9 @@ struct Session::VoxelPart {
 struct Session::TileWork {
   Tile tile{};
   std::uint32_t sample = 0;
-  std::vector<PathSample> paths;                  ///< by pixel, row by row
+  std::vector<PathSample> paths;  ///< by pixel, row by row
   std::vector<std::uint8_t> paired;
-  std::vector<std::vector<ConeRequest>> rows;     ///< cones by row, in the order of pixels
+  std::vector<std::vector<ConeRequest>> rows;  ///< cones by row, in the order of pixels
   std::vector<shaderio::GatherQuery> queries;
   std::optional<int> ticket;
   bool full = false;
@@ -76,8 +76,8 @@ Session::Session(Scene scene, const Camera& camera, const RenderSettings& settin
   }
   camera_ = std::make_unique<CameraRays>(camera, rays_->renderOrigin(), settings_.width,
                                          settings_.height);
-  integrator_ = std::make_unique<Integrator>(scene_, *rays_, *lights_, *camera_, guess,
-                                             settings_.seed);
+  integrator_ =
+      std::make_unique<Integrator>(scene_, *rays_, *lights_, *camera_, guess, settings_.seed);
   // From here on rays see the compressed mesh and the voxels; the source's arrays would only cost.
   for (Mesh& mesh : scene_.meshes) {
     mesh.positions = {};
@@ -159,8 +159,8 @@ void Session::trace(const Tile& tile, std::uint32_t sample, TileWork& work) {
       const double offset = toUnitFloat(hashCombine(hashCombine(x, y), settings_.seed));
       const bool exact = voxels_ && takesExact(sample, settings_.exact, offset);
       work.paired[i] = exact;
-      work.paths[i] = integrator_->sample(x, y, settings_.width, sample, exact, i, work.rows[row],
-                                          counts[row]);
+      work.paths[i] =
+          integrator_->sample(x, y, settings_.width, sample, exact, i, work.rows[row], counts[row]);
     }
   });
   for (const RayCounts& c : counts) report_.rays.add(c);

@@ -5,11 +5,12 @@
 //   light   before some passes: photons are shot, the voxels' light is brought up to date
 //   tiles   for each tile, from the centre outwards:
 //             trace    C-rays of all its pixels on the CPU; cones they ask for go to the device
-//             merge    while the device answers, the next tile is traced; then the answers are added
+//             merge    while the device answers, the next tile is traced; then the answers are
+//             added
 //                      and the tile's samples enter the accumulator
 //
-// The value of a sample depends on pixel, sample number and seed alone, so pictures are equal to the
-// bit for any number of threads (on a device: for any two runs on it).
+// The value of a sample depends on pixel, sample number and seed alone, so pictures are equal to
+// the bit for any number of threads (on a device: for any two runs on it).
 #pragma once
 
 #include <cstdint>
@@ -49,7 +50,7 @@ struct SessionReport {
   std::uint64_t voxels = 0, leaves = 0, voxelBytes = 0;
   int voxelDepth = 0;
   double lightScale = 1.0;
-  std::string device = "none";    ///< where G-rays run
+  std::string device = "none";  ///< where G-rays run
   bool cones = false;
 };
 
@@ -99,7 +100,7 @@ class Session {
   Accumulator frame_;
   std::unique_ptr<FeatureImage> features_;  ///< null where nobody asks
   std::vector<Tile> tiles_;
-  std::size_t tilesDone_ = 0;          ///< of the pass under way
+  std::size_t tilesDone_ = 0;  ///< of the pass under way
   double start_ = 0.0;
 };
 

@@ -16,7 +16,8 @@ bool passesLight(const Material& m) {
 
 vec3 textured(const Scene& scene, const Texture& texture, vec2 uv) {
   if (!texture.present()) return vec3(1.0f);
-  return vec3(sampleTexture(scene.images[static_cast<std::size_t>(texture.image)], texture, uv, true));
+  return vec3(
+      sampleTexture(scene.images[static_cast<std::size_t>(texture.image)], texture, uv, true));
 }
 
 }  // namespace
@@ -88,8 +89,8 @@ std::vector<shaderio::PhotonMaterial> photonMaterials(const Scene& scene) {
   for (const Material& m : scene.materials) {
     vec3 color(m.baseColor);
     if (m.baseColorTexture.present()) {
-      color *= vec3(textureMean(
-          scene.images[static_cast<std::size_t>(m.baseColorTexture.image)], true));
+      color *=
+          vec3(textureMean(scene.images[static_cast<std::size_t>(m.baseColorTexture.image)], true));
     }
     const glm::uvec3 bytes(glm::clamp(color, 0.0f, 1.0f) * 255.0f + 0.5f);
     out.push_back({m.unlit ? 0.0f : m.metallic, m.roughness,

@@ -44,7 +44,8 @@ Rendered render(const RenderSettings& settings) {
   constexpr double kPixels = double{kSide} * kSide;
   for (std::uint32_t y = 0; y < kSide; ++y) {
     for (std::uint32_t x = 0; x < kSide; ++x) {
-      const dvec3 mean = session.frame().mean(x, y), variance = session.frame().varianceOfMean(x, y);
+      const dvec3 mean = session.frame().mean(x, y),
+                  variance = session.frame().varianceOfMean(x, y);
       for (int c = 0; c < 3; ++c) {
         out.mean.push_back(mean[c]);
         out.variance.push_back(variance[c]);
@@ -83,7 +84,8 @@ TEST(ExactMode, MatchesTheReferencePixelByPixel) {
   double sumOurs = 0.0, sumReference = 0.0;
   for (std::size_t i = 0; i < mean.size(); ++i) {
     const double together = ours.variance[i] + static_cast<double>(variance[i]);
-    const double z = std::abs(ours.mean[i] - static_cast<double>(mean[i])) / std::sqrt(together + 1e-20);
+    const double z =
+        std::abs(ours.mean[i] - static_cast<double>(mean[i])) / std::sqrt(together + 1e-20);
     // Variances estimated from few passes have tails: 4 instead of the normal distribution's 3.02.
     passed += z < 4.0;
     sumOurs += ours.mean[i];
@@ -96,8 +98,8 @@ TEST(ExactMode, MatchesTheReferencePixelByPixel) {
   if (HasFailure()) keepArtefact("exact-cornell", ours.picture);
 }
 
-/// The correction makes the hybrid consistent: equal means within the confidence interval, for either
-/// kind of guess.
+/// The correction makes the hybrid consistent: equal means within the confidence interval, for
+/// either kind of guess.
 TEST(Hybrid, ConvergesToExactMode) {
   const Rendered exact = render(settings(1.0, 256, 2));
   for (GuessKind guess : {GuessKind::kRay, GuessKind::kCone}) {

@@ -48,8 +48,8 @@ Surface surfaceAtOrigin() {
 
 vec3 outgoing(const Surface& s, float cosine) {
   return Basis(s.geometricNormal)
-      .toWorld(vec3(std::sqrt(1.0f - cosine * cosine) * 0.6f, std::sqrt(1.0f - cosine * cosine) * 0.8f,
-                    cosine));
+      .toWorld(vec3(std::sqrt(1.0f - cosine * cosine) * 0.6f,
+                    std::sqrt(1.0f - cosine * cosine) * 0.8f, cosine));
 }
 
 class BsdfTest : public ::testing::TestWithParam<Case> {

@@ -33,7 +33,8 @@ struct Corner {
 
 double meanSquare(const std::vector<vec3>& a, const std::vector<vec3>& b) {
   double sum = 0.0;
-  for (std::size_t i = 0; i < a.size(); ++i) sum += static_cast<double>(glm::dot(a[i] - b[i], a[i] - b[i]));
+  for (std::size_t i = 0; i < a.size(); ++i)
+    sum += static_cast<double>(glm::dot(a[i] - b[i], a[i] - b[i]));
   return sum / static_cast<double>(a.size());
 }
 

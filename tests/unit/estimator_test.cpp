@@ -45,8 +45,8 @@ TEST(TakesExact, FirstSampleIsChosenWithProbabilityOfTheShare) {
   EXPECT_NEAR(taken, 300, 1);
 }
 
-/// A biased guess that is strongly correlated with the truth: the combination has the truth as mean,
-/// and the variance it reports is the one seen over many runs.
+/// A biased guess that is strongly correlated with the truth: the combination has the truth as
+/// mean, and the variance it reports is the one seen over many runs.
 TEST(Difference, CorrectsABiasedGuessAndReportsItsVariance) {
   constexpr int kRuns = 2000, kSamples = 64;
   std::mt19937 random(1);

@@ -89,8 +89,8 @@ TEST(Integrator, PointLightOnAFloor) {
   EXPECT_NEAR(render(scene, 4).x, 0.6f / kPi * 10.0f / 4.0f, 1e-3f);
 }
 
-/// The same lamp found by light sampling alone, and by chance too: multiple importance sampling must
-/// not change the mean where both can find it.
+/// The same lamp found by light sampling alone, and by chance too: multiple importance sampling
+/// must not change the mean where both can find it.
 TEST(Integrator, LargeLampOverAGlossyFloorAgreesWithItsMirrorLimit) {
   Scene scene;
   scene.materials = {test::lambert(0.0f, 2.0f), Material{}};
@@ -106,8 +106,8 @@ TEST(Integrator, LargeLampOverAGlossyFloorAgreesWithItsMirrorLimit) {
   test::place(scene, lamp);
   test::place(scene, floor);
   scene.cameras = {test::lookAt(dvec3(1, 1, 1), dvec3(0.0), 0.2f)};
-  // A white metal under a lamp that fills its whole lobe shows the lamp's radiance, but for the small
-  // single-scattering loss of a smooth GGX lobe.
+  // A white metal under a lamp that fills its whole lobe shows the lamp's radiance, but for the
+  // small single-scattering loss of a smooth GGX lobe.
   EXPECT_NEAR(render(scene, 128).x, 2.0f, 0.02f);
 }
 

@@ -42,7 +42,8 @@ TEST(Lights, AreaLampIrradianceMatchesItsFormFactor) {
     LightSample s;
     if (!lights.sample(vec3(0.0f), sampler, s)) continue;
     sum += static_cast<double>(s.radiance.x * s.direction.y / s.pdf) / kCount;
-    EXPECT_NEAR(s.pdf, lights.pdfEmitter(vec3(0.0f), 0, 0, s.distance, s.direction.y), 1e-3f * s.pdf);
+    EXPECT_NEAR(s.pdf, lights.pdfEmitter(vec3(0.0f), 0, 0, s.distance, s.direction.y),
+                1e-3f * s.pdf);
   }
   // Form factor of a square of side 1 at distance 1, centred: four corners of 0.5 x 0.5.
   const double a = 0.5, x = a / std::sqrt(1.0 + a * a);
@@ -137,8 +138,8 @@ TEST(Lights, EnvironmentSamplesFollowTheirDensity) {
       const double phi = 2.0 * std::numbers::pi * ((j + 0.5) / (kPhi * kFine) - 0.5);
       const vec3 d(static_cast<float>(r * std::sin(phi)), static_cast<float>(y),
                    static_cast<float>(r * std::cos(phi)));
-      expected[cell(d)] += static_cast<double>(lights.pdfEnvironment(vec3(0.0f), d)) * kCount * 4.0 *
-                           std::numbers::pi / (kZ * kFine * kPhi * kFine);
+      expected[cell(d)] += static_cast<double>(lights.pdfEnvironment(vec3(0.0f), d)) * kCount *
+                           4.0 * std::numbers::pi / (kZ * kFine * kPhi * kFine);
     }
   }
   EXPECT_GT(test::chiSquareP(counts, expected), 1e-3);

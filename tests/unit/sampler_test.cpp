@@ -26,7 +26,8 @@ TEST(Sampler, StaysInTheUnitInterval) {
   EXPECT_EQ(toUnitFloat(0u), 0.0f);
 }
 
-/// 2^k samples of one pixel put exactly one into each of 2^k strata of either axis, and of the square.
+/// 2^k samples of one pixel put exactly one into each of 2^k strata of either axis, and of the
+/// square.
 TEST(Sampler, IsStratifiedOverTheSamplesOfAPixel) {
   constexpr std::uint32_t kSamples = 256;
   for (std::uint32_t pixel : {0u, 1u, 12345u}) {
@@ -47,7 +48,8 @@ TEST(Sampler, IsStratifiedOverTheSamplesOfAPixel) {
   }
 }
 
-/// Across pixels (one sample each) the points are independent: pairs of dimensions fill a grid evenly.
+/// Across pixels (one sample each) the points are independent: pairs of dimensions fill a grid
+/// evenly.
 TEST(Sampler, IsUniformAcrossPixelsAndDimensions) {
   constexpr int kGrid = 16, kCount = 200000;
   std::vector<double> counts(kGrid * kGrid, 0.0), across(kGrid * kGrid, 0.0);
