@@ -76,6 +76,7 @@ Session::Session(Scene scene, const Camera& camera, const RenderSettings& settin
   }
   camera_ = std::make_unique<CameraRays>(camera, rays_->renderOrigin(), settings_.width,
                                          settings_.height);
+  if (voxels_) voxels_->light->aim(*camera_, settings_.width, settings_.height);
   integrator_ =
       std::make_unique<Integrator>(scene_, *rays_, *lights_, *camera_, guess, settings_.seed);
   // From here on rays see the compressed mesh and the voxels; the source's arrays would only cost.
