@@ -9,6 +9,8 @@ namespace trex {
 
 /// Adds `trex render`. The returned callback's exit code is written to `exitCode`.
 void addRenderCommand(CLI::App& app, int& exitCode);
+/// Adds `trex doctor`.
+void addDoctorCommand(CLI::App& app);
 
 /// "WxH" with 1 <= W, H <= 65536; Error(kUsage) else.
 void parseSize(const std::string& text, std::uint32_t& width, std::uint32_t& height);

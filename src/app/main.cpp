@@ -31,6 +31,7 @@ int run(int argc, char** argv) {
     if (verbose) trex::setLogLevel(trex::LogLevel::kVerbose);
   });
   trex::addRenderCommand(app, exitCode);
+  trex::addDoctorCommand(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -19,7 +19,10 @@ constexpr double kLargestCounts = 1u << 20;
 
 std::uint64_t photonTarget(std::uint32_t sample, std::uint64_t pixels) {
   const std::uint64_t base = std::clamp<std::uint64_t>(pixels / 2, 1u << 12, 1u << 20);
-  return std::min(base + base * std::bit_floor(sample) / 4, kMostPhotons);
+  // Powers of four: a step costs a resolve of all voxels.
+  const int steps = sample == 0 ? 0 : (std::bit_width(sample) - 1) / 2;
+  const std::uint64_t rounds = sample < 4 ? 0 : std::uint64_t{1} << (2 * steps - 1);
+  return std::min(base + base * rounds, kMostPhotons);
 }
 
 LightPass::LightPass(const Scene& scene, const RayScene& rays, const LightSet& lights,

@@ -13,7 +13,7 @@ namespace trex {
 
 /// Photons that should have been emitted before sample number `sample` of a picture of `pixels`
 /// pixels. Depends on nothing else, so that equal samples see equal light; constant between powers
-/// of two, so that resolving costs little; about a third of the work of gathering.
+/// of four, so that resolving costs little; about a third of the work of gathering.
 std::uint64_t photonTarget(std::uint32_t sample, std::uint64_t pixels);
 
 class LightPass {

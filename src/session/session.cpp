@@ -96,7 +96,8 @@ void Session::prepareVoxels() {
   voxels_ = std::make_unique<VoxelPart>();
   asvo::BuildOptions options;
   options.depth = voxelDepth(settings_);
-  voxels_->tree = asvo::Tree::build(VoxelSource(scene_, rays_->renderOrigin()), options);
+  const VoxelSource source(scene_, rays_->renderOrigin());
+  voxels_->tree = asvo::Tree::build(source, options);
   const asvo::Tree& tree = voxels_->tree;
   report_.voxels = tree.info.nodeCount;
   report_.leaves = tree.info.leafCount;

@@ -208,6 +208,15 @@ class AppTest(unittest.TestCase):
             self.assertEqual(result.returncode, 0, result.stderr)
             self.assertIn("sky", result.stderr)
 
+    def test_doctor_lists_devices(self):
+        result = run("doctor", "--json")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        found = json.loads(result.stdout)
+        self.assertEqual(found["problem"], "")
+        self.assertGreaterEqual(len(found["devices"]), 1)
+        self.assertGreater(found["memory_bytes"], 1 << 28)
+        self.assertIn("G-rays work", run("doctor").stdout)
+
     def test_help_and_version(self):
         self.assertIn("Exit codes", run("--help").stdout)
         self.assertRegex(run("--version").stdout, r"^trex \d+\.\d+\.\d+")
