@@ -1,4 +1,5 @@
 #include <charconv>
+#include <cmath>
 
 #include "src/core/log.h"
 #include "src/scene/image_io.h"
@@ -64,6 +65,33 @@ Environment parseEnvironment(const std::string& text) {
   }
   auto image = std::make_shared<Image>(detail::readFloatImage(text, kMaxEnvironmentWidth));
   sanitise(*image);
+  environment.color = vec3(1.0f);
+  environment.map = std::move(image);
+  return environment;
+}
+
+Environment softSky() {
+  constexpr int kWidth = 64, kHeight = 32;
+  const vec3 above(0.75f, 0.85f, 1.0f), below(0.22f, 0.20f, 0.18f), key(1.3f, 1.2f, 1.0f);
+  const vec3 towardsKey = glm::normalize(vec3(0.6f, 0.7f, 0.7f));
+  auto image = std::make_shared<Image>();
+  image->name = "soft sky";
+  image->width = kWidth;
+  image->height = kHeight;
+  image->channels = 3;
+  for (int y = 0; y < kHeight; ++y) {
+    for (int x = 0; x < kWidth; ++x) {
+      const float theta = kPi * (static_cast<float>(y) + 0.5f) / kHeight;
+      const float phi = 2.0f * kPi * ((static_cast<float>(x) + 0.5f) / kWidth - 0.5f);
+      const vec3 d(std::sin(theta) * std::sin(phi), std::cos(theta),
+                   -std::sin(theta) * std::cos(phi));
+      const float up = glm::smoothstep(-0.35f, 0.35f, d.y);
+      const float lobe = std::pow(std::max(glm::dot(d, towardsKey), 0.0f), 6.0f);
+      const vec3 radiance = glm::mix(below, above, up) + key * lobe;
+      image->floats.insert(image->floats.end(), {radiance.x, radiance.y, radiance.z});
+    }
+  }
+  Environment environment;
   environment.color = vec3(1.0f);
   environment.map = std::move(image);
   return environment;

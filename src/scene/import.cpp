@@ -93,10 +93,9 @@ bool hasLight(const Scene& scene) {
 
 void addDefaultLightAndCamera(Scene& scene, bool environmentGiven) {
   if (!environmentGiven && !hasLight(scene)) {
-    scene.environment.color = vec3(0.8f, 0.9f, 1.0f);
+    scene.environment = softSky();
     scene.warnings.push_back(
-        fmt::format("{}: has no light; lit by a soft sky of radiance 0.8,0.9,1.0 (--env sets it)",
-                    scene.source));
+        fmt::format("{}: has no light; lit by a soft sky (--env sets another)", scene.source));
   }
   if (scene.cameras.empty()) {
     scene.cameras.push_back(framingCamera(scene.bounds()));

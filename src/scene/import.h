@@ -36,7 +36,7 @@ Scene importScene(const std::filesystem::path& path, const ImportOptions& option
 /// environment.
 bool hasLight(const Scene& scene);
 
-/// What importScene does last: a sky of constant radiance if nothing shines (unless
+/// What importScene does last: softSky() if nothing shines (unless
 /// environmentGiven) and a framing camera if there is none. For scenes made without a file.
 void addDefaultLightAndCamera(Scene& scene, bool environmentGiven);
 
@@ -44,6 +44,10 @@ void addDefaultLightAndCamera(Scene& scene, bool environmentGiven);
 /// .exr, at most 32768 wide) into an environment. Non-finite and negative texels become 0 with a
 /// warning. Throws Error(kUsage) for a malformed triple, Error(kInput) for a bad file.
 Environment parseEnvironment(const std::string& text);
+
+/// The sky of models that bring no light: bright above, dim below, with a broad glow from the upper
+/// right of glTF's front, so that shapes show.
+Environment softSky();
 
 /// Parses "NAME" (a camera of the scene) or "EYE/TARGET/UP/VFOV": three comma-separated triples in
 /// metres and the vertical field of view in degrees, in (0, 180). Throws Error(kUsage).

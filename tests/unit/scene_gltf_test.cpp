@@ -14,7 +14,8 @@ TEST_F(SceneGltf, TriangleWithoutIndicesGetsSkyAndCamera) {
   EXPECT_TRUE(s.meshes[0].normals.empty());
   EXPECT_EQ(s.meshes[0].positions[1], vec3(1, 0, 0));
   EXPECT_TRUE(s.environment.present());
-  EXPECT_EQ(s.environment.color, vec3(0.8f, 0.9f, 1.0f));
+  EXPECT_EQ(s.environment.color, vec3(1.0f));
+  ASSERT_NE(s.environment.map, nullptr);
   ASSERT_EQ(s.cameras.size(), 1u);
   EXPECT_TRUE(anyWarning(s, "no light"));
   EXPECT_TRUE(anyWarning(s, "no camera"));
