@@ -70,7 +70,7 @@ std::vector<std::uint32_t> levelsOf(const AsvoInfo& info, std::span<const uvec2>
   std::uint64_t next = 1;
   for (std::uint32_t level = 0; level < info.depth; ++level) {
     for (std::uint32_t i = offsets[level]; i < offsets[level + 1]; ++i) {
-      const uvec2 node = nodes[i];
+      const uvec2& node = nodes[i];
       const bool emptyRoot = i == 0 && info.nodeCount == 1;
       if (node.x != next || node.y > 255u || (node.y == 0 && !emptyRoot)) {
         fail("node " + std::to_string(i) + " has a wrong first child or child mask");

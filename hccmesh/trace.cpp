@@ -373,7 +373,7 @@ HWY_INLINE bool testCluster(const std::byte* bytes, PreparedRay& ray, std::uint3
     for (std::uint32_t lane = 0; lane < 8; lane += kLanes)
       met |= testBoxes(frame, g * layout::kGroupBytes + lane, ray, entry + g * 8 + lane)
              << (g * 8 + lane);
-  met &= 0xffffffffu >> (32u - h.leafCount);
+  met &= h.leafCount >= 32u ? 0xffffffffu : (1u << h.leafCount) - 1u;
 
   bool found = false;
   while (met != 0) {
