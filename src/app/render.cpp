@@ -198,7 +198,11 @@ int render(RenderArguments& a) {
     layers.sampleCount |= name == "sampleCount";
     layers.features |= name == "features";
   }
-  Session session(std::move(scene), camera, a.settings, layers);
+  ModelOptions modelOptions;
+  modelOptions.voxels = a.settings.exact < 1.0;
+  modelOptions.voxelDepth = voxelDepthFor(std::uint64_t{a.settings.width} * a.settings.height);
+  Session session(std::make_shared<const Model>(makeModel(std::move(scene), modelOptions)), camera,
+                  a.settings, layers);
   {
     Progress progress;
     session.run([&](double share) {

@@ -22,12 +22,6 @@ double now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-/// Leaves are no finer than the picture can show: 256 along the cube from 256 pixels on.
-int voxelDepth(const RenderSettings& settings) {
-  const std::uint64_t pixels = std::uint64_t{settings.width} * settings.height;
-  return pixels >= 40'000 ? 8 : pixels >= 10'000 ? 7 : 6;
-}
-
 }  // namespace
 
 /// The approximate side: present only where a guess is asked for.
@@ -50,97 +44,91 @@ struct Session::TileWork {
   bool full = false;
 };
 
-Session::Session(Scene scene, const Camera& camera, const RenderSettings& settings,
-                 const PictureLayers& layers)
+Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
+                 const RenderSettings& settings, const PictureLayers& layers)
     : settings_(settings),
       layers_(layers),
-      scene_(std::move(scene)),
+      model_(std::move(model)),
       frame_(settings.width, settings.height, settings.exact > 0.0 && settings.exact < 1.0),
       tiles_(makeTiles(settings.width, settings.height, kTileSize)) {
   settings_.denoise &= settings_.exact <= 0.0;
   if (settings_.denoise || layers_.features) {
     features_ = std::make_unique<FeatureImage>(settings_.width, settings_.height);
   }
-  double mark = now();
-  rays_ = std::make_unique<RayScene>(scene_);
-  lights_ = std::make_unique<LightSet>(scene_, rays_->renderOrigin(), rays_->bounds());
-  report_.mesh = rays_->statistics();
-  report_.meshSeconds = now() - mark;
+  const RayScene& rays = *model_->rays;
+  lights_ = std::make_unique<LightSet>(model_->scene, rays.renderOrigin(), rays.bounds());
+  report_.mesh = rays.statistics();
+  report_.meshSeconds = model_->meshSeconds;
+  report_.voxelSeconds = model_->voxelSeconds;
   GuessOptions guess;
-  if (settings_.exact < 1.0 && lights_->anyPower()) {
+  if (settings_.exact < 1.0 && model_->voxels && lights_->anyPower()) {
     prepareVoxels();
     guess.cache = voxels_->cache.get();
     guess.cones = settings_.guess == GuessKind::kCone ||
                   (settings_.guess == GuessKind::kAuto && !voxels_->device->sharesHostCores());
     report_.cones = guess.cones;
   }
-  camera_ = std::make_unique<CameraRays>(camera, rays_->renderOrigin(), settings_.width,
-                                         settings_.height);
-  if (voxels_) voxels_->light->aim(*camera_, settings_.width, settings_.height);
-  integrator_ =
-      std::make_unique<Integrator>(scene_, *rays_, *lights_, *camera_, guess, settings_.seed);
-  // From here on rays see the compressed mesh and the voxels; the source's arrays would only cost.
-  for (Mesh& mesh : scene_.meshes) {
-    mesh.positions = {};
-    mesh.triangles = {};
-    mesh.normals = {};
-    mesh.texCoords = {};
-    mesh.colors = {};
+  camera_ =
+      std::make_unique<CameraRays>(camera, rays.renderOrigin(), settings_.width, settings_.height);
+  if (voxels_) {
+    const double mark = now();
+    voxels_->light->aim(*camera_, settings_.width, settings_.height);
+    report_.aimSeconds = now() - mark;
   }
+  integrator_ =
+      std::make_unique<Integrator>(model_->scene, rays, *lights_, *camera_, guess, settings_.seed);
 }
 
 Session::~Session() = default;
 
 void Session::prepareVoxels() {
-  double mark = now();
-  voxels_ = std::make_unique<VoxelPart>();
-  asvo::BuildOptions options;
-  options.depth = voxelDepth(settings_);
-  const VoxelSource source(scene_, rays_->renderOrigin());
-  voxels_->tree = asvo::Tree::build(source, options);
-  const asvo::Tree& tree = voxels_->tree;
+  const double mark = now();
+  const Scene& scene = model_->scene;
+  const asvo::Tree& tree = *model_->voxels;
   report_.voxels = tree.info.nodeCount;
   report_.leaves = tree.info.leafCount;
   report_.voxelDepth = static_cast<int>(tree.info.depth);
   report_.voxelBytes = tree.nodes.size() * sizeof(asvo::uvec2) +
                        (tree.voxels.size() + tree.leaves.size()) * sizeof(asvo::uvec4);
-  report_.voxelSeconds = now() - mark;
-
-  mark = now();
-  const auto materials = photonMaterials(scene_);
+  voxels_ = std::make_unique<VoxelPart>();
+  const auto materials = photonMaterials(scene);
   voxels_->device = settings_.device == RenderSettings::kNoDevice
                         ? makeCpuTracer(tree, materials)
                         : makeVulkanTracer(tree, materials, settings_.device);
   voxels_->cache = std::make_unique<LightCache>(tree);
-  voxels_->light = std::make_unique<LightPass>(scene_, *rays_, *lights_, *voxels_->device,
+  voxels_->light = std::make_unique<LightPass>(scene, *model_->rays, *lights_, *voxels_->device,
                                                *voxels_->cache, settings_.seed);
   report_.device = voxels_->device->name();
   report_.deviceSeconds = now() - mark;
 }
 
 void Session::run(const KeepGoing& keepGoing) {
-  start_ = now();
-  while (!goalReached(report_.samplesDone) && pass(report_.samplesDone, keepGoing)) {
-    ++report_.samplesDone;
+  start_ = now() - report_.renderSeconds;
+  bool going = true;
+  while (going && !goalReached()) {
+    going = pass(keepGoing);
+    report_.renderSeconds = elapsed();
   }
-  report_.renderSeconds = elapsed();
 }
 
-/// One more sample of every pixel. False if it was cut short.
-bool Session::pass(std::uint32_t sample, const KeepGoing& keepGoing) {
+/// What is left of one more sample of every pixel. False if it was cut short.
+bool Session::pass(const KeepGoing& keepGoing) {
+  const std::uint32_t sample = report_.samplesDone;
   if (voxels_) {
     voxels_->light->run(photonTarget(sample, std::uint64_t{settings_.width} * settings_.height));
   }
   TileWork works[2];
-  for (tilesDone_ = 0; tilesDone_ < tiles_.size(); ++tilesDone_) {
-    if (!keepGoing(progress()) || (settings_.seconds > 0.0 && elapsed() >= settings_.seconds)) {
-      merge(works[(tilesDone_ + 1) % 2]);
-      return false;
-    }
+  bool going = true;
+  for (; tilesDone_ < tiles_.size(); ++tilesDone_) {
+    going = keepGoing(progress()) && !(settings_.seconds > 0.0 && elapsed() >= settings_.seconds);
+    if (!going) break;
     trace(tiles_[tilesDone_], sample, works[tilesDone_ % 2]);
     merge(works[(tilesDone_ + 1) % 2]);
   }
   merge(works[(tilesDone_ + 1) % 2]);
+  if (!going) return false;
+  tilesDone_ = 0;
+  ++report_.samplesDone;
   return true;
 }
 
@@ -205,9 +193,9 @@ void Session::merge(TileWork& work) {
   }
 }
 
-bool Session::goalReached(std::uint32_t sample) const {
-  if (settings_.samples > 0 && sample >= settings_.samples) return true;
-  return settings_.seconds > 0.0 && elapsed() >= settings_.seconds;
+bool Session::goalReached() const {
+  if (settings_.samples > 0 && report_.samplesDone >= settings_.samples) return true;
+  return settings_.seconds > 0.0 && report_.renderSeconds >= settings_.seconds;
 }
 
 double Session::elapsed() const { return now() - start_; }

@@ -25,7 +25,7 @@
 #include "src/frame/image_file.h"
 #include "src/frame/tiles.h"
 #include "src/grays/grays.h"
-#include "src/scene/scene.h"
+#include "src/session/model.h"
 #include "src/session/settings.h"
 
 namespace trex {
@@ -41,7 +41,7 @@ struct PictureLayers {
 
 /// Seconds by phase, counts and memory, for --json and the progress line.
 struct SessionReport {
-  double meshSeconds = 0, voxelSeconds = 0, deviceSeconds = 0;  ///< set-up
+  double meshSeconds = 0, voxelSeconds = 0, deviceSeconds = 0, aimSeconds = 0;  ///< set-up
   double renderSeconds = 0, photonSeconds = 0;
   std::uint32_t samplesDone = 0;  ///< complete passes
   std::uint64_t photons = 0, photonsLanded = 0, nonFinite = 0;
@@ -56,17 +56,21 @@ struct SessionReport {
 
 class Session {
  public:
-  /// Builds what the scene and the settings require, and nothing else. Throws Error.
-  /// `layers`: those that picture() will be asked for.
-  Session(Scene scene, const Camera& camera, const RenderSettings& settings,
+  /// Starts what the model and the settings require, and nothing else. Throws Error.
+  /// `layers`: those that picture() will be asked for. Without the model's voxels every sample is
+  /// exact.
+  Session(std::shared_ptr<const Model> model, const Camera& camera, const RenderSettings& settings,
           const PictureLayers& layers = {});
   ~Session();
 
   /// Asked between tiles; false ends the run. Gets the share of the goal that is done, [0, 1].
   using KeepGoing = std::function<bool(double)>;
 
-  /// Renders until the samples or the seconds of the settings are reached or keepGoing says no.
+  /// Renders until the goal is reached or keepGoing says no. Called again it goes on where it
+  /// stopped, in the middle of a pass too; only the time inside counts.
   void run(const KeepGoing& keepGoing);
+  /// Whether the samples or the seconds of the settings are reached.
+  bool goalReached() const;
 
   /// The frame so far: R, G, B (filtered, if the settings ask for it), and the layers.
   Picture picture() const;
@@ -80,19 +84,17 @@ class Session {
   struct VoxelPart;
 
   void prepareVoxels();
-  bool pass(std::uint32_t sample, const KeepGoing& keepGoing);
+  bool pass(const KeepGoing& keepGoing);
   void trace(const Tile& tile, std::uint32_t sample, TileWork& work);
   void merge(TileWork& work);
-  bool goalReached(std::uint32_t sample) const;
   double progress() const;
   std::vector<vec3> shown() const;
   double elapsed() const;
 
   RenderSettings settings_;
   PictureLayers layers_;
-  Scene scene_;
+  std::shared_ptr<const Model> model_;
   SessionReport report_;
-  std::unique_ptr<RayScene> rays_;
   std::unique_ptr<LightSet> lights_;
   std::unique_ptr<VoxelPart> voxels_;  ///< null where every sample is exact
   std::unique_ptr<CameraRays> camera_;
@@ -101,7 +103,7 @@ class Session {
   std::unique_ptr<FeatureImage> features_;  ///< null where nobody asks
   std::vector<Tile> tiles_;
   std::size_t tilesDone_ = 0;  ///< of the pass under way
-  double start_ = 0.0;
+  double start_ = 0.0;         ///< of this run(), less what earlier ones took
 };
 
 }  // namespace trex

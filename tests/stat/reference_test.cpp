@@ -37,7 +37,10 @@ struct Rendered {
 Rendered render(const RenderSettings& settings) {
   Scene scene = importScene(kSource / "assets/cornell.glb");
   const Camera camera = scene.cameras.front();
-  Session session(std::move(scene), camera, settings, {.variance = true});
+  const ModelOptions options{.voxels = settings.exact < 1.0,
+                             .voxelDepth = voxelDepthFor(kSide * kSide)};
+  Session session(std::make_shared<const Model>(makeModel(std::move(scene), options)), camera,
+                  settings, {.variance = true});
   session.run([](double) { return true; });
   EXPECT_EQ(session.report().nonFinite, 0u);
   Rendered out;

@@ -1,0 +1,35 @@
+// A scene made ready for rays: what sessions render from and `trex bake` keeps.
+#pragma once
+
+#include <memory>
+#include <optional>
+
+#include "asvo/asvo.h"
+#include "src/crays/ray_scene.h"
+#include "src/scene/scene.h"
+
+namespace trex {
+
+/// The compressed meshes and the voxels of a scene. Shared by sessions, read only.
+struct Model {
+  /// Arrays of meshes are empty, but positions and triangles of those that emit: rays see the
+  /// compressed meshes, and the source's arrays would only cost.
+  Scene scene;
+  std::unique_ptr<RayScene> rays;
+  std::optional<asvo::Tree> voxels;  ///< not there where every sample is exact
+  double meshSeconds = 0.0, voxelSeconds = 0.0;
+};
+
+struct ModelOptions {
+  bool voxels = true;            ///< build them if anything shines
+  int voxelDepth = 8;            ///< levels below the root
+  std::uint64_t voxelBytes = 0;  ///< limit of their arrays with light; 0: none
+};
+
+/// Builds what the scene and the options require. Throws Error. Uses the calling oneTBB arena.
+Model makeModel(Scene scene, const ModelOptions& options);
+
+/// Leaves are no finer than the picture can show: 256 along the cube from 200 x 200 pixels on.
+int voxelDepthFor(std::uint64_t pixels);
+
+}  // namespace trex
