@@ -32,8 +32,8 @@
 //   Masks are conservative: every point of every triangle lies in an occupied sub-voxel, with a
 //   tolerance above the rounding of the tracer, so a closed surface stops every narrow ray.
 //   Areas are exact: those of the leaves sum to that of the mesh, within 1e-4 (of one-sided
-//   leaves). No value is NaN, whatever the triangles. Triangles that are not finite or have no area
-//   are ignored. The same bits for any number of threads.
+//   leaves). No value is NaN, whatever the triangles. Triangles that are not finite or thinner than
+//   a millionth of their longest edge are ignored. The same bits for any number of threads.
 //
 // Limits. Voxels above the leaves see flat surfaces exactly and the edges and corners of rooms only
 // on average: about 0.7 % of cones inside a closed turned box get through. Narrow rays see

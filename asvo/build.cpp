@@ -71,13 +71,19 @@ Grid makeGrid(const TriangleSource& source, const BuildOptions& options, int dep
   return grid;
 }
 
-/// Triangle i on the grid; false if it is to be ignored: not finite, or without area.
+/// Height over longest edge up to which a triangle counts as a line. Such a triangle has no area
+/// to speak of, but its mask would stop light; its points lie within the grid's tolerance of an
+/// edge that it shares with others.
+constexpr double kSliver = 1e-6;
+
+/// Triangle i on the grid; false if it is to be ignored: not finite, or a sliver.
 bool load(const TriangleSource& source, std::uint64_t i, Triangle& triangle) {
   source.get(i, triangle);
   if (!isFinite(triangle)) return false;
   const glm::dvec3 a(triangle.position[0]), b(triangle.position[1]), c(triangle.position[2]);
-  const glm::dvec3 n = glm::cross(b - a, c - a);
-  return glm::dot(n, n) > 0.0;
+  const glm::dvec3 ab = b - a, ac = c - a, bc = c - b, n = glm::cross(ab, ac);
+  const double longest = std::max({glm::dot(ab, ab), glm::dot(ac, ac), glm::dot(bc, bc)});
+  return std::sqrt(glm::dot(n, n)) > kSliver * longest;
 }
 
 /// Calls visit(octant) for the children of the cell at p (edge 2 * half) that the triangle touches;

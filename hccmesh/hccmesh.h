@@ -28,13 +28,14 @@
 // hierarchy above must allow for the same: clusters' bounds are already two cells wider than the
 // vertices; t may be off by 2^-21 of itself.
 //
-// TRUST. fromBytes() takes anything: it checks every size, offset, index and box and an XXH3 of the
-// whole buffer, and throws FormatError. What it accepts never makes another call read outside the
-// buffer. build() checks indices and throws std::invalid_argument; it drops triangles with
-// non-finite corners. Cluster and triangle numbers given to a Mesh must be in range (not checked).
+// TRUST. fromBytes() and fromView() take anything: they check every size, offset, index and box and
+// an XXH3 of the whole buffer, and throw FormatError. What they accept never makes another call
+// read outside the buffer. build() checks indices and throws std::invalid_argument; it drops
+// triangles with non-finite corners. Cluster and triangle numbers given to a Mesh must be in range
+// (not checked).
 //
-// THREADS. A Mesh is immutable: all const calls may run at once. build() and fromBytes() use
-// oneTBB. A PreparedRay and a Hit belong to one thread.
+// THREADS. A Mesh is immutable: all const calls may run at once. build(), fromBytes() and
+// fromView() use oneTBB. A PreparedRay and a Hit belong to one thread.
 //
 // LIMITS. 16 GiB a buffer; extents from 1e-26 (below: coarser) to 1e30 m; 2^32-1 clusters.
 #pragma once
@@ -42,6 +43,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <memory>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -127,6 +129,9 @@ class Mesh {
   static Mesh build(std::span<const Part> parts, const BuildOptions& options = {});
   /// Takes a buffer after validating all of it. Throws FormatError.
   static Mesh fromBytes(std::vector<std::byte> bytes);
+  /// As above, of bytes that stay where they are, such as a mapped file: `owner` keeps them alive.
+  /// They must start at a multiple of 8 and not change. Throws FormatError.
+  static Mesh fromView(std::span<const std::byte> bytes, std::shared_ptr<const void> owner);
 
   std::span<const std::byte> bytes() const { return bytes_; }
   std::uint64_t triangleCount() const;
@@ -167,12 +172,14 @@ class Mesh {
   using OccludedFunction = bool (*)(const std::byte*, const PreparedRay&);
 
   explicit Mesh(std::vector<std::byte> bytes);
+  Mesh(std::span<const std::byte> bytes, std::shared_ptr<const void> owner);
   const std::byte* blob(std::uint32_t cluster) const {
     return bytes_.data() + (std::size_t(table_[cluster]) << 2);
   }
 
-  std::vector<std::byte> bytes_;
-  const std::uint32_t* table_ = nullptr;   ///< inside bytes_, whose address survives a move
+  std::span<const std::byte> bytes_;
+  std::shared_ptr<const void> owner_;      ///< of bytes_
+  const std::uint32_t* table_ = nullptr;   ///< inside bytes_
   IntersectFunction intersect_ = nullptr;  ///< chosen for this processor when the mesh is made
   OccludedFunction occluded_ = nullptr;
   const char* targetName_ = "";

@@ -44,7 +44,14 @@ std::uint64_t Sizes::total() const {
          texCoords + colors;
 }
 
-Mesh::Mesh(std::vector<std::byte> bytes) : bytes_(std::move(bytes)) {
+Mesh::Mesh(std::vector<std::byte> bytes) {
+  auto owner = std::make_shared<const std::vector<std::byte>>(std::move(bytes));
+  const std::span<const std::byte> view = *owner;
+  *this = Mesh(view, std::move(owner));
+}
+
+Mesh::Mesh(std::span<const std::byte> bytes, std::shared_ptr<const void> owner)
+    : bytes_(bytes), owner_(std::move(owner)) {
   table_ = reinterpret_cast<const std::uint32_t*>(bytes_.data() + sizeof(layout::Header));
   const Kernels kernels = chooseKernels();
   intersect_ = kernels.intersect;
@@ -55,6 +62,13 @@ Mesh::Mesh(std::vector<std::byte> bytes) : bytes_(std::move(bytes)) {
 Mesh Mesh::fromBytes(std::vector<std::byte> bytes) {
   validate(bytes);
   return Mesh(std::move(bytes));
+}
+
+Mesh Mesh::fromView(std::span<const std::byte> bytes, std::shared_ptr<const void> owner) {
+  if (reinterpret_cast<std::uintptr_t>(bytes.data()) % alignof(layout::Header) != 0)
+    throw FormatError("the buffer does not start at a multiple of 8");
+  validate(bytes);
+  return Mesh(bytes, std::move(owner));
 }
 
 std::uint64_t Mesh::triangleCount() const { return headerOf(bytes_).triangleCount; }

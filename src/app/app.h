@@ -9,8 +9,18 @@ namespace trex {
 
 /// Adds `trex render`. The returned callback's exit code is written to `exitCode`.
 void addRenderCommand(CLI::App& app, int& exitCode);
+/// Adds `trex bake`.
+void addBakeCommand(CLI::App& app);
+/// Adds `trex info`.
+void addInfoCommand(CLI::App& app);
 /// Adds `trex doctor`.
 void addDoctorCommand(CLI::App& app);
+/// Adds `trex diff`. Its exit code, 0 or 6, is written to `exitCode`.
+void addDiffCommand(CLI::App& app, int& exitCode);
+/// Adds `trex merge`.
+void addMergeCommand(CLI::App& app);
+/// Adds `trex bench`. Its exit code, 0, 130 or 143, is written to `exitCode`.
+void addBenchCommand(CLI::App& app, int& exitCode);
 
 /// "WxH" with 1 <= W, H <= 65536; Error(kUsage) else.
 void parseSize(const std::string& text, std::uint32_t& width, std::uint32_t& height);

@@ -1,10 +1,21 @@
 // trex doctor: what this machine offers, and what to do about what is missing.
+#include <OpenImageIO/imageio.h>
+#include <embree3/rtcore.h>
 #include <fmt/format.h>
+#include <sys/resource.h>
 #include <tbb/info.h>
+#include <tbb/version.h>
+#include <unistd.h>
 
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 
+#include "hccmesh/hccmesh.h"
 #include "src/app/app.h"
 #include "src/core/error.h"
 #include "src/core/memory.h"
@@ -14,29 +25,151 @@
 namespace trex {
 namespace {
 
-struct Findings {
-  std::vector<vulkan::DeviceInfo> devices;
-  std::string problem;  ///< empty if a device can be used
+/// A small picture of a small model takes about half of this, measured.
+constexpr std::uint64_t kLeastMemory = 256ull << 20;
+constexpr std::uint64_t kLeastDisk = 64ull << 20;
+/// Voxels of the default depth, sums of photons and batches of cones.
+constexpr std::uint64_t kLeastDeviceMemory = 512ull << 20;
+
+struct Memory {
+  std::uint64_t physical = 0, available = 0;  ///< bytes
+  std::optional<std::uint64_t> cgroupLimit, addressLimit;
 };
+
+struct Disk {
+  const char* use;
+  std::string folder;
+  std::uint64_t freeBytes = 0;
+  bool writable = false;
+};
+
+struct Findings {
+  std::vector<std::pair<std::string, std::string>> libraries;  ///< name, version
+  std::vector<vulkan::DeviceInfo> devices;
+  int chosen = -1;  ///< the device of `--device auto`
+  Memory memory;
+  std::vector<Disk> disks;
+  std::string display;  ///< "DISPLAY=:0", or empty
+  std::string simdTarget;
+  std::string problem;                ///< of G-rays; empty if a device can be used
+  std::vector<std::string> problems;  ///< all, each with what to do
+  std::string fatal;                  ///< why nothing can be rendered; empty if something can
+};
+
+void examineDevices(Findings& found) {
+  try {
+    found.libraries.emplace_back("Vulkan loader", vulkan::loaderVersion());
+    found.devices = vulkan::listDevices();
+    // Starting one tells more than asking for its limits.
+    const vulkan::Device device({});
+    found.chosen = device.info().index;
+    if (device.info().heapBytes < kLeastDeviceMemory) {
+      found.problems.push_back(fmt::format(
+          "{} has only {} of memory: voxels may be coarser; choose another --device N, or use "
+          "--device none",
+          device.info().name, formatBytes(device.info().heapBytes)));
+    }
+  } catch (const Error& e) {
+    found.problem = e.what();
+    found.problems.push_back(found.problem);
+  }
+}
+
+std::string versionText(long major, long minor, long patch) {
+  return fmt::format("{}.{}.{}", major, minor, patch);
+}
+
+void examineLibraries(Findings& found) {
+  RTCDevice embree = rtcNewDevice(nullptr);
+  if (embree == nullptr) {
+    if (found.fatal.empty()) found.fatal = "Embree does not start: reinstall libembree3-3";
+    return;
+  }
+  const auto version = rtcGetDeviceProperty(embree, RTC_DEVICE_PROPERTY_VERSION);
+  rtcReleaseDevice(embree);
+  found.libraries.emplace_back("Embree",
+                               versionText(version / 10000, version / 100 % 100, version % 100));
+  const int images = OIIO::openimageio_version();
+  found.libraries.emplace_back("OpenImageIO",
+                               versionText(images / 10000, images / 100 % 100, images % 100));
+  found.libraries.emplace_back("oneTBB", TBB_runtime_version());
+  found.libraries.emplace_back(
+      "GLM", versionText(GLM_VERSION_MAJOR, GLM_VERSION_MINOR, GLM_VERSION_PATCH));
+  found.libraries.emplace_back(
+      "fmt", versionText(FMT_VERSION / 10000, FMT_VERSION / 100 % 100, FMT_VERSION % 100));
+  found.simdTarget = hccm::Mesh::build({}).targetName();
+}
+
+/// A number in kB behind a key of a file like /proc/meminfo, as bytes; 0 if there is none.
+std::uint64_t procBytes(const char* path, const std::string& key) {
+  std::ifstream file(path);
+  std::string word;
+  std::uint64_t value = 0;
+  while (file >> word) {
+    if (word == key && file >> value) return value * 1024;
+  }
+  return 0;
+}
+
+void examineMemory(Findings& found) {
+  Memory& m = found.memory;
+  m.physical = static_cast<std::uint64_t>(sysconf(_SC_PHYS_PAGES)) *
+               static_cast<std::uint64_t>(sysconf(_SC_PAGE_SIZE));
+  const std::uint64_t limit = availableMemoryLimit();
+  if (limit < m.physical) m.cgroupLimit = limit;
+  m.available = std::min(procBytes("/proc/meminfo", "MemAvailable:"), limit);
+  rlimit address{};
+  if (getrlimit(RLIMIT_AS, &address) == 0 && address.rlim_cur != RLIM_INFINITY) {
+    m.addressLimit = address.rlim_cur;
+    const std::uint64_t used = procBytes("/proc/self/status", "VmSize:");
+    m.available = std::min<std::uint64_t>(
+        m.available, address.rlim_cur - std::min<std::uint64_t>(used, *m.addressLimit));
+  }
+  if (m.available < kLeastMemory) {
+    found.fatal = fmt::format(
+        "only {} of memory are available, {} are needed for a small picture: end other programs, "
+        "or raise the limit (ulimit -v, cgroup)",
+        formatBytes(m.available), formatBytes(kLeastMemory));
+  }
+}
+
+void examineDisk(Findings& found, const char* use, const std::filesystem::path& folder) {
+  std::error_code error;
+  Disk disk{use, folder.string()};
+  const std::filesystem::space_info space = std::filesystem::space(folder, error);
+  if (!error) disk.freeBytes = space.available;
+  disk.writable = access(folder.c_str(), W_OK) == 0;
+  if (!disk.writable) {
+    found.problems.push_back(fmt::format("{} can't be written to: {}", disk.folder,
+                                         std::string_view(use) == "current"
+                                             ? "give -o in another folder"
+                                             : "set TMPDIR to another folder"));
+  } else if (disk.freeBytes < kLeastDisk) {
+    found.problems.push_back(
+        fmt::format("{} has only {} free: make room", disk.folder, formatBytes(disk.freeBytes)));
+  }
+  found.disks.push_back(std::move(disk));
+}
 
 Findings examine() {
   Findings found;
-  try {
-    found.devices = vulkan::listDevices();
-  } catch (const Error& e) {
-    found.problem = e.what();
-    return found;
+  examineMemory(found);
+  examineLibraries(found);
+  examineDevices(found);
+  std::error_code error;
+  const std::filesystem::path current = std::filesystem::current_path(error);
+  examineDisk(found, "current", error ? "." : current);
+  const char* temporary = std::getenv("TMPDIR");
+  examineDisk(found, "temporary", temporary && *temporary ? temporary : "/tmp");
+  for (const char* name : {"WAYLAND_DISPLAY", "DISPLAY"}) {
+    const char* value = std::getenv(name);
+    if (value != nullptr && *value != '\0') found.display = fmt::format("{}={}", name, value);
   }
-  bool usable = false;
-  for (const vulkan::DeviceInfo& d : found.devices) usable |= d.unusable.empty();
-  if (!usable) {
-    found.problem =
-        "no usable Vulkan device; install mesa-vulkan-drivers, or render with --device none";
-  }
+  if (!found.fatal.empty()) found.problems.insert(found.problems.begin(), found.fatal);
   return found;
 }
 
-nlohmann::json describe(const vulkan::DeviceInfo& d) {
+nlohmann::json toJson(const vulkan::DeviceInfo& d) {
   return {{"index", d.index},
           {"name", d.name},
           {"type", d.type},
@@ -44,34 +177,105 @@ nlohmann::json describe(const vulkan::DeviceInfo& d) {
           {"api_version", d.apiVersion},
           {"unusable", d.unusable},
           {"shares_host_cores", d.sharesHostCores},
+          {"mapped_memory", d.mappedMemory},
+          {"heap_bytes", d.heapBytes},
           {"max_storage_buffer_range_bytes", d.maxStorageBufferRange},
-          {"heap_bytes", d.heapBytes}};
+          {"max_allocation_bytes", d.maxAllocationBytes},
+          {"max_texel_buffer_elements", d.maxTexelBufferElements},
+          {"max_workgroup_invocations", d.maxWorkgroupInvocations},
+          {"max_workgroup_count", d.maxWorkgroupCount},
+          {"shared_memory_bytes", d.sharedMemoryBytes},
+          {"subgroup_size", d.subgroupSize},
+          {"int64", d.int64},
+          {"int64_atomics", d.int64Atomics}};
+}
+
+nlohmann::json orNull(const std::optional<std::uint64_t>& value) {
+  return value ? nlohmann::json(*value) : nlohmann::json(nullptr);
+}
+
+nlohmann::json toJson(const Findings& found) {
+  nlohmann::json out = {
+      {"version", kVersion},
+      {"threads", tbb::info::default_concurrency()},
+      {"simd_target", found.simdTarget},
+      {"memory_bytes", availableMemoryLimit()},
+      {"physical_memory_bytes", found.memory.physical},
+      {"cgroup_limit_bytes", orNull(found.memory.cgroupLimit)},
+      {"address_limit_bytes", orNull(found.memory.addressLimit)},
+      {"available_memory_bytes", found.memory.available},
+      {"display", found.display},
+      {"default_device", found.chosen < 0 ? nlohmann::json(nullptr) : nlohmann::json(found.chosen)},
+      {"can_render", found.fatal.empty()},
+      {"problem", found.problem},
+      {"problems", found.problems}};
+  out["libraries"] = nlohmann::json::array();
+  for (const auto& [name, version] : found.libraries) {
+    out["libraries"].push_back({{"name", name}, {"version", version}});
+  }
+  out["disks"] = nlohmann::json::array();
+  for (const Disk& d : found.disks) {
+    out["disks"].push_back({{"use", d.use},
+                            {"folder", d.folder},
+                            {"free_bytes", d.freeBytes},
+                            {"writable", d.writable}});
+  }
+  out["devices"] = nlohmann::json::array();
+  for (const vulkan::DeviceInfo& d : found.devices) out["devices"].push_back(toJson(d));
+  return out;
+}
+
+void print(const vulkan::DeviceInfo& d, bool chosen) {
+  fmt::print("device {}: {} ({}, {}, Vulkan {}){}\n", d.index, d.name, d.type, d.driver,
+             d.apiVersion, chosen ? ", the default" : "");
+  if (!d.unusable.empty()) {
+    fmt::print("  can't be used: {}\n", d.unusable);
+    return;
+  }
+  fmt::print("  memory {}, an allocation {}, a storage buffer {}, a texel buffer {} elements\n",
+             formatBytes(d.heapBytes), formatBytes(d.maxAllocationBytes),
+             formatBytes(d.maxStorageBufferRange), d.maxTexelBufferElements);
+  fmt::print("  workgroup {}, shared memory {}, subgroup {}, 64-bit integers {}\n",
+             d.maxWorkgroupInvocations, formatBytes(d.sharedMemoryBytes), d.subgroupSize,
+             d.int64 ? "yes" : "no (not needed)");
+}
+
+void print(const Findings& found) {
+  fmt::print("trex {}\nCPU: {} threads, meshes traced with {}\n", kVersion,
+             tbb::info::default_concurrency(), found.simdTarget.empty() ? "?" : found.simdTarget);
+  const Memory& m = found.memory;
+  fmt::print("memory: {} physical, {} available{}{}\n", formatBytes(m.physical),
+             formatBytes(m.available),
+             m.cgroupLimit ? ", limit of the cgroup " + formatBytes(*m.cgroupLimit) : "",
+             m.addressLimit ? ", limit of addresses " + formatBytes(*m.addressLimit) : "");
+  for (const Disk& d : found.disks) {
+    fmt::print("{} folder: {}, {} free\n", d.use, d.folder, formatBytes(d.freeBytes));
+  }
+  fmt::print("display: {}\n",
+             found.display.empty() ? "none (nothing but a viewer needs one)" : found.display);
+  std::string libraries;
+  for (const auto& [name, version] : found.libraries) {
+    libraries += fmt::format("{}{} {}", libraries.empty() ? "" : ", ", name, version);
+  }
+  fmt::print("libraries: {}\n", libraries);
+  for (const vulkan::DeviceInfo& d : found.devices) print(d, d.index == found.chosen);
+  if (found.fatal.empty()) {
+    fmt::print("C-rays and --exact 1 work\n{}\n",
+               found.problem.empty() ? "G-rays work" : "G-rays work with --device none alone");
+  }
+  for (const std::string& problem : found.problems) fmt::print("problem: {}\n", problem);
 }
 
 void doctor(bool json) {
   const Findings found = examine();
   if (json) {
-    nlohmann::json out = {{"version", kVersion},
-                          {"threads", tbb::info::default_concurrency()},
-                          {"memory_bytes", availableMemoryLimit()},
-                          {"devices", nlohmann::json::array()},
-                          {"problem", found.problem}};
-    for (const vulkan::DeviceInfo& d : found.devices) out["devices"].push_back(describe(d));
-    fmt::print("{}\n", out.dump(2));
-    return;
-  }
-  fmt::print("trex {}\nCPU: {} threads, {} of memory; C-rays and exact mode work\n", kVersion,
-             tbb::info::default_concurrency(), formatBytes(availableMemoryLimit()));
-  for (const vulkan::DeviceInfo& d : found.devices) {
-    fmt::print("device {}: {} ({}, {}, Vulkan {}), {} of memory, {} a buffer{}\n", d.index, d.name,
-               d.type, d.driver, d.apiVersion, formatBytes(d.heapBytes),
-               formatBytes(d.maxStorageBufferRange),
-               d.unusable.empty() ? "" : "; can't be used: " + d.unusable);
-  }
-  if (found.problem.empty()) {
-    fmt::print("G-rays work\n");
+    fmt::print("{}\n", toJson(found).dump(2));
   } else {
-    fmt::print("G-rays: {}\n", found.problem);
+    print(found);
+  }
+  std::fflush(stdout);
+  if (!found.fatal.empty()) {
+    fail(ExitCode::kMemoryOrDevice, "nothing can be rendered here: {}", found.fatal);
   }
 }
 

@@ -1,11 +1,15 @@
-// First interrupt: finish the tile, save, leave with 130 or 143. Second: leave at once.
+// Signals. First SIGINT or SIGTERM: finish the tile, save, leave with 130 or 143. Second: leave at
+// once. SIGHUP: save the picture so far and go on.
 #pragma once
 
 namespace trex {
 
-/// Installs handlers for SIGINT and SIGTERM.
+/// Installs the handlers.
 void catchInterrupts();
 /// 0, or the signal that asked to stop.
 int interruptedBy();
+/// Whether SIGHUP came since the last call of clearHangup().
+bool hangupSeen();
+void clearHangup();
 
 }  // namespace trex

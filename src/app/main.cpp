@@ -31,7 +31,12 @@ int run(int argc, char** argv) {
     if (verbose) trex::setLogLevel(trex::LogLevel::kVerbose);
   });
   trex::addRenderCommand(app, exitCode);
+  trex::addBakeCommand(app);
+  trex::addInfoCommand(app);
   trex::addDoctorCommand(app);
+  trex::addDiffCommand(app, exitCode);
+  trex::addMergeCommand(app);
+  trex::addBenchCommand(app, exitCode);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

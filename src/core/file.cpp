@@ -2,9 +2,11 @@
 
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <signal.h>
 #include <unistd.h>
 
 #include <cerrno>
+#include <charconv>
 #include <cstring>
 #include <system_error>
 
@@ -50,6 +52,27 @@ void writeAtomically(const fs::path& target, const std::function<void(const fs::
     fs::remove(temporary, ignored);
     throw;
   }
+}
+
+std::vector<fs::path> removeDeadTemporaries(const fs::path& target) {
+  const std::string before = fmt::format(".{}.", target.stem().string());
+  const std::string after = fmt::format(".tmp{}", target.extension().string());
+  std::vector<fs::path> removed;
+  std::error_code ignored;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folderOf(target), ignored)) {
+    const std::string name = entry.path().filename().string();
+    if (name.size() <= before.size() + after.size() || !name.starts_with(before) ||
+        !name.ends_with(after)) {
+      continue;
+    }
+    const char* end = name.data() + name.size() - after.size();
+    pid_t process = 0;
+    const auto [at, problem] = std::from_chars(name.data() + before.size(), end, process);
+    if (at != end || problem != std::errc() || process <= 0) continue;
+    if (::kill(process, 0) == 0 || errno != ESRCH) continue;
+    if (fs::remove(entry.path(), ignored)) removed.push_back(entry.path());
+  }
+  return removed;
 }
 
 void checkWritable(const fs::path& target) {

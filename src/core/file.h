@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <functional>
 #include <string>
+#include <vector>
 
 namespace trex {
 
@@ -12,6 +13,9 @@ namespace trex {
 /// target and the reason. The temporary keeps the extension: ".NAME.PID.tmp.EXT".
 void writeAtomically(const std::filesystem::path& target,
                      const std::function<void(const std::filesystem::path&)>& write);
+
+/// Removes temporaries that processes which are gone left of writing `target`. Returns their paths.
+std::vector<std::filesystem::path> removeDeadTemporaries(const std::filesystem::path& target);
 
 /// Throws Error(kOutput) early if `target` can't be written: no such folder, a folder itself, no
 /// permission.

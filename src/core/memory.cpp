@@ -15,6 +15,12 @@ std::uint64_t peakResidentBytes() {
   return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024u;
 }
 
+std::uint64_t residentBytes() {
+  std::uint64_t total = 0, resident = 0;
+  if (!(std::ifstream("/proc/self/statm") >> total >> resident)) return 0;
+  return resident * static_cast<std::uint64_t>(sysconf(_SC_PAGE_SIZE));
+}
+
 std::uint64_t availableMemoryLimit() {
   const auto pages = static_cast<std::uint64_t>(sysconf(_SC_PHYS_PAGES));
   std::uint64_t limit = pages * static_cast<std::uint64_t>(sysconf(_SC_PAGE_SIZE));

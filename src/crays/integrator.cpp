@@ -63,11 +63,19 @@ struct Integrator::Path {
   float roughness = 0.0f;  // of the last lobe
   bool coneRay = false;    // the last vertex hands its far field to a cone
   int bounces = 0;
+  int layers = 0;       // of the bounces, those through transparent layers
+  int scattered = 0;    // times, mirrors and clear glass not counted
   float length = 0.0f;  // from the eye to the last surface
   bool seen = false;    // the feature is known
   RayHit hit{};
 
-  void add(const vec3& light) { (coupled ? result.common : result.exact) += light; }
+  /// `direct`: see PathSample.
+  void add(const vec3& light, bool direct) {
+    (coupled ? result.common : result.exact) += light;
+    if (!direct) return;
+    if (coupled) result.direct += light;
+    result.directExact += light;
+  }
   /// The guess parts from the path. False if nobody follows the exact path.
   bool part() {
     coupled = false;
@@ -124,7 +132,7 @@ void Integrator::miss(Path& path) const {
   if (!lights_.hasEnvironment()) return;
   const float weight =
       powerHeuristic(path.scatterPdf, lights_.pdfEnvironment(path.vertex, path.direction));
-  path.add(path.throughput * lights_.environment(path.direction) * weight);
+  path.add(path.throughput * lights_.environment(path.direction) * weight, path.scattered <= 1);
 }
 
 /// G0: the far field of a broad lobe is a cone's. False if only the guess was asked for.
@@ -141,6 +149,7 @@ bool Integrator::handToCone(Path& path) const {
     const float weight =
         powerHeuristic(path.scatterPdf, lights_.pdfEnvironment(path.vertex, path.direction));
     request.background = path.throughput * lights_.environment(path.direction) * weight;
+    request.direct = path.scattered <= 1;
   }
   path.cones.push_back(request);
   ++path.counts.cones;
@@ -158,9 +167,14 @@ bool Integrator::meet(Path& path) const {
     path.tnear = 0.0f;
     path.travelled += path.hit.t;
     path.length += path.hit.t;
+    ++path.layers;
     return ++path.bounces < kMostLayers;
   }
   path.length += path.hit.t;
+  if (path.bounces == path.layers) {
+    path.result.first = {camera_.depth(surface.position), static_cast<float>(surface.object),
+                         static_cast<float>(surface.material)};
+  }
   if (!path.seen && (!bsdf.onlyDelta() || bsdf.unlit())) {
     path.seen = true;
     const bool plain = bsdf.cacheable() && maxComponent(bsdf.emission()) <= 0.0f;
@@ -175,7 +189,7 @@ bool Integrator::meet(Path& path) const {
                               lights_.pdfEmitter(path.vertex, surface.object, surface.material,
                                                  path.travelled + path.hit.t, cosine));
     }
-    path.add(path.throughput * bsdf.emission() * weight);
+    path.add(path.throughput * bsdf.emission() * weight, path.scattered <= 1);
   }
   if (bsdf.unlit()) return false;
   if (path.coupled && guess_.cache && endInCache(path, surface, bsdf) && !path.part()) return false;
@@ -231,6 +245,7 @@ void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsd
   const vec3 unweighted = path.throughput * f * light.radiance / light.pdf;
   const float weight = light.delta ? 1.0f : powerHeuristic(light.pdf, bsdf.pdf(light.direction));
   const vec3 origin = leave(surface, light.direction);
+  const bool direct = path.scattered == 0;
   // A cone vertex gathers its far field without emission, so a far emitter is light sampling's
   // alone.
   const float near = coneVertex ? guess_.footprint.cacheVoxels * guess_.cache->leafSize() /
@@ -251,6 +266,7 @@ void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsd
     request.tmax = light.distance - 2.0f * guess_.cache->leafSize();
     request.jitter = path.sampler.next1D();
     request.background = unweighted * guessWeight;
+    request.direct = direct;
     request.pixel = path.pixelTag;
     request.shadow = true;
     path.cones.push_back(request);
@@ -259,13 +275,17 @@ void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsd
   if (coneShadow && !path.paired) return;
   const float visible = visibility(path, origin, light.direction, light.distance);
   if (visible <= 0.0f) return;
-  if (coneShadow) {
-    path.result.exact += unweighted * (weight * visible);
-  } else if (path.coupled && guessWeight != weight) {
-    path.result.guess += unweighted * (guessWeight * visible);
-    path.result.exact += unweighted * (weight * visible);
-  } else {
-    path.add(unweighted * (weight * visible));
+  const vec3 exact = unweighted * (weight * visible);
+  if (!coneShadow && !(path.coupled && guessWeight != weight)) {
+    path.add(exact, direct);
+    return;
+  }
+  const vec3 guess = coneShadow ? vec3(0.0f) : unweighted * (guessWeight * visible);
+  path.result.guess += guess;
+  path.result.exact += exact;
+  if (direct) {
+    path.result.direct += guess;
+    path.result.directExact += exact;
   }
 }
 
@@ -287,6 +307,7 @@ bool Integrator::scatter(Path& path, const Surface& surface, const Bsdf& bsdf,
   path.direction = next.direction;
   path.tnear = path.travelled = 0.0f;
   path.scatterPdf = next.delta ? kInfinity : next.pdf;
+  if (!next.delta) ++path.scattered;
   path.roughness = next.roughness;
   path.coneRay = coneVertex && !next.delta;
   if (next.transmitted && next.etaSquared != 1.0f) {

@@ -26,6 +26,8 @@ class CameraRays {
              std::uint32_t height);
   /// Ray through image position (x, y) in pixels from the upper left corner.
   void ray(float x, float y, vec3& origin, vec3& direction) const;
+  /// Distance of a point along the viewing direction, metres.
+  float depth(const vec3& point) const { return glm::dot(point - eye_, forward_); }
   /// Width of a pixel after `distance` metres, metres.
   float footprint(float distance) const {
     return (orthographic_ ? 1.0f : distance) * 2.0f * halfHeight_ / height_;
@@ -46,12 +48,16 @@ struct ConeRequest {
   vec3 weight{0.0f}, background{0.0f};
   std::uint32_t pixel = 0;  ///< as given to Integrator::sample
   bool shadow = false;      ///< transmittance alone
+  bool direct = false;      ///< `background` is direct light
 };
 
-/// One sample of a pixel. G = common + guess + cones; X = common + exact.
+/// One sample of a pixel. G = common + guess + cones; X = common + exact. The parts of both that
+/// are direct: light that was scattered at most once, mirrors and clear glass not counted.
 struct PathSample {
   vec3 common{0.0f}, guess{0.0f}, exact{0.0f};
+  vec3 direct{0.0f}, directExact{0.0f};  ///< of G (without cones) and of X
   Feature feature;
+  FirstHit first;
 };
 
 /// Rays by class, for the report.

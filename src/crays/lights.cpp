@@ -108,6 +108,8 @@ double texelWeight(const Image& map, int x, int y) {
 
 LightSet::LightSet(const Scene& scene, const dvec3& renderOrigin, const Box3f& bounds)
     : environment_(scene.environment) {
+  // Above this the power of a sky overflows single precision.
+  environment_.color = glm::min(environment_.color, vec3(1e30f));
   if (!bounds.empty()) {
     centre_ = bounds.centre();
     radius_ = std::max(0.5f * glm::length(bounds.size()), 1e-20f);

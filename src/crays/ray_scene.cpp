@@ -4,14 +4,13 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <span>
 #include <utility>
 #include <vector>
 
 #include "src/core/error.h"
-#include "src/core/log.h"
+#include "src/crays/ray_scene_parts.h"
 #include "src/crays/ray_scene_surface.h"
 
 namespace trex {
@@ -138,14 +137,20 @@ struct Approach {
   dvec3 centre{0.0};
   double radius = 0.0;  // metres; of a sphere around the scene
 
-  // Moves the origin forward and says by how much.
-  double bring(vec3& origin, const vec3& direction) const {
+  // Moves the origin forward by `along`. False if the ray can't meet the scene: it passes by, goes
+  // away, or starts nowhere. Embree takes no origins beyond 1e18.
+  bool bring(vec3& origin, const vec3& direction, double& along) const {
+    along = 0.0;
+    if (!trex::isFinite(origin)) return false;
     const dvec3 o = dvec3(origin) - centre, d(direction);
-    if (std::max({std::abs(o.x), std::abs(o.y), std::abs(o.z)}) <= 4.0 * radius) return 0.0;
-    const double along = -glm::dot(o, d) / glm::dot(d, d) - 2.0 * radius / glm::length(d);
-    if (!(along > 0.0) || !std::isfinite(along)) return 0.0;
-    origin = vec3(dvec3(origin) + along * d);
-    return along;
+    if (isNear(o)) return true;
+    along = -glm::dot(o, d) / glm::dot(d, d) - 2.0 * radius / glm::length(d);
+    if (!(along > 0.0) || !std::isfinite(along)) return false;
+    origin = vec3(centre + (o + along * d));
+    return isNear(o + along * d);
+  }
+  bool isNear(const dvec3& o) const {
+    return std::max({std::abs(o.x), std::abs(o.y), std::abs(o.z)}) <= 4.0 * radius;
   }
 };
 
@@ -171,167 +176,74 @@ RTCScene newScene(RTCDevice device) {
   return scene;
 }
 
-bool usesTextures(const Material& m) {
-  for (const Texture* t :
-       {&m.baseColorTexture, &m.metallicRoughnessTexture, &m.normalTexture, &m.emissiveTexture,
-        &m.transmissionTexture, &m.specularTexture, &m.specularColorTexture})
-    if (t->present()) return true;
-  return false;
-}
-
-// Only what the scene uses is stored.
-hccm::Part partOf(const Scene& scene, const Mesh& mesh) {
-  hccm::Part part;
-  part.positions = mesh.positions;
-  part.triangles = mesh.triangles;
-  part.normals = mesh.normals;
-  part.colors = mesh.colors;
-  if (usesTextures(scene.materials[static_cast<std::size_t>(mesh.material)]))
-    part.texCoords = mesh.texCoords;
-  part.material = static_cast<std::uint32_t>(mesh.material);
-  return part;
-}
-
-dmat4 translation(const dvec3& v) {
-  dmat4 m(1.0);
-  m[3] = glm::dvec4(v, 1.0);
-  return m;
-}
-
-bool isFinite(const dmat4& m) {
-  for (int c = 0; c < 4; ++c)
-    for (int r = 0; r < 4; ++r)
-      if (!std::isfinite(m[c][r])) return false;
-  return true;
-}
-
 }  // namespace
 
 struct RayScene::Impl {
-  // A mesh that is placed several times, and its scene.
-  struct Shared {
-    explicit Shared(hccm::Mesh m) : mesh(std::move(m)) {}
-    hccm::Mesh mesh;
-    Handle handle;
-  };
-  struct Placed {
-    const Shared* shared;
-    Placement placement;
-  };
+  explicit Impl(Parts p) : parts(std::move(p)), meshScenes(parts.shared.size()) {}
 
   std::atomic<std::int64_t> embreeBytes{0};  // outlives the handles
+  Parts parts;
   Handle top;
-  std::unique_ptr<hccm::Mesh> world;
   Placement worldPlacement;
-  std::vector<std::unique_ptr<Shared>> shared;
-  std::vector<Placed> placed;  // by instance id
-  dvec3 renderOrigin{0.0};
+  std::vector<Handle> meshScenes;     // by shared mesh
+  std::vector<Placement> placements;  // by instance id
   Box3f bounds;
   Approach approach;
   Statistics statistics;
 
-  void build(const Scene& scene, const Options& options);
+  void build(const Scene& scene);
 
  private:
-  std::vector<hccm::Part> worldParts_;
-
-  void addToWorld(const Scene& scene, const Instance& instance);
-  void addShared(const Scene& scene, const Options& options, std::span<const int> placements);
-  void attachInstance(const Placed& instance, unsigned id);
+  void place(const Scene& scene);
+  void attachInstance(std::size_t id);
   void measure();
 };
 
-void RayScene::Impl::addToWorld(const Scene& scene, const Instance& instance) {
-  const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
-  hccm::Part part = partOf(scene, mesh);
-  part.object = static_cast<std::uint32_t>(instance.object);
-  part.transform = translation(-renderOrigin) * instance.transform * translation(mesh.origin);
-  if (isFinite(part.transform))
-    worldParts_.push_back(part);
-  else
-    logWarning("instance '{}' has a transform that is not finite; it is left out", instance.name);
-}
-
-void RayScene::Impl::addShared(const Scene& scene, const Options& options,
-                               std::span<const int> placements) {
-  const Mesh& mesh = scene.meshes[static_cast<std::size_t>(scene.instances[placements[0]].mesh)];
-  const hccm::Part part = partOf(scene, mesh);
-  hccm::BuildOptions build;
-  build.precisionBits = options.precisionBits;
-  auto entry = std::make_unique<Shared>(hccm::Mesh::build({&part, 1}, build));
-  if (entry->mesh.triangleCount() == 0) return;
-  const dmat4 toMesh = translation(mesh.origin + entry->mesh.gridOrigin());
-  bool used = false;
-  for (int i : placements) {
-    const Instance& instance = scene.instances[static_cast<std::size_t>(i)];
-    Placed p{entry.get(), {}};
-    if (Placement::make(translation(-renderOrigin) * instance.transform * toMesh,
-                        entry->mesh.step(), instance.object, p.placement)) {
-      placed.push_back(p);
-      used = true;
-    } else {
-      addToWorld(scene, instance);  // flat: rays have no way into it, its triangles do
+void RayScene::Impl::place(const Scene& scene) {
+  Placement::make(dmat4(1.0), parts.world.step(), kNone, worldPlacement);
+  worldPlacement.relativeError = 0x1p-20;  // no matrix between
+  for (const Parts::Placed& p : parts.placed) {
+    const Instance& instance = scene.instances[p.instance];
+    const hccm::Mesh& mesh = parts.shared[p.mesh];
+    Placement& made = placements.emplace_back();
+    if (!Placement::make(sharedToRender(scene, instance, mesh, parts.renderOrigin), mesh.step(),
+                         instance.object, made)) {
+      fail(ExitCode::kInput, "{}: instance '{}' is flat or has a transform that is not finite",
+           scene.source, instance.name);
     }
   }
-  if (used) shared.push_back(std::move(entry));
 }
 
-void RayScene::Impl::attachInstance(const Placed& instance, unsigned id) {
+void RayScene::Impl::attachInstance(std::size_t id) {
   const RTCGeometry geometry = rtcNewGeometry(top.device, RTC_GEOMETRY_TYPE_INSTANCE);
   check(top.device, "making an instance");
-  rtcSetGeometryInstancedScene(geometry, instance.shared->handle.scene);
-  const mat4 matrix(instance.placement.toRender);
+  rtcSetGeometryInstancedScene(geometry, meshScenes[parts.placed[id].mesh].scene);
+  const mat4 matrix(placements[id].toRender);
   rtcSetGeometryTransform(geometry, 0, RTC_FORMAT_FLOAT4X4_COLUMN_MAJOR, &matrix[0][0]);
   rtcCommitGeometry(geometry);
-  rtcAttachGeometryByID(top.scene, geometry, id);
+  rtcAttachGeometryByID(top.scene, geometry, static_cast<unsigned>(id));
   rtcReleaseGeometry(geometry);
   check(top.device, "attaching an instance");
 }
 
-void RayScene::Impl::build(const Scene& scene, const Options& options) {
-  const auto start = std::chrono::steady_clock::now();
-  const Box3d box = scene.bounds();
-  if (!box.empty()) renderOrigin = box.centre();
-
-  std::vector<std::vector<int>> placements(scene.meshes.size());
-  for (std::size_t i = 0; i < scene.instances.size(); ++i)
-    placements[static_cast<std::size_t>(scene.instances[i].mesh)].push_back(static_cast<int>(i));
-  for (std::size_t m = 0; m < placements.size(); ++m) {
-    const std::vector<int>& list = placements[m];
-    const std::uint64_t triangles = scene.meshes[m].triangles.size();
-    if (list.empty() || triangles == 0) continue;
-    if (list.size() == 1 || triangles * list.size() <= options.mergeTriangles)
-      for (int i : list) addToWorld(scene, scene.instances[static_cast<std::size_t>(i)]);
-    else
-      addShared(scene, options, list);
-  }
-  hccm::BuildOptions worldOptions;
-  worldOptions.precisionBits = options.precisionBits;
-  worldOptions.chooseOrigin = false;  // parts come in render space
-  world = std::make_unique<hccm::Mesh>(hccm::Mesh::build(worldParts_, worldOptions));
-  worldParts_ = {};
-  Placement::make(dmat4(1.0), world->step(), -1, worldPlacement);
-  worldPlacement.relativeError = 0x1p-20;  // no matrix between
-
+void RayScene::Impl::build(const Scene& scene) {
+  place(scene);
   top.device = rtcNewDevice(nullptr);
   if (!top.device) fail(ExitCode::kMemoryOrDevice, "Embree: no device could be made");
   rtcSetDeviceMemoryMonitorFunction(top.device, countMemory, &embreeBytes);
-  for (const std::unique_ptr<Shared>& s : shared) {
-    s->handle.scene = newScene(top.device);
-    attachMesh(top.device, s->handle.scene, s->mesh, 0);
-    rtcCommitScene(s->handle.scene);
+  for (std::size_t i = 0; i < parts.shared.size(); ++i) {
+    meshScenes[i].scene = newScene(top.device);
+    attachMesh(top.device, meshScenes[i].scene, parts.shared[i], 0);
+    rtcCommitScene(meshScenes[i].scene);
     check(top.device, "building a hierarchy");
   }
   top.scene = newScene(top.device);
-  for (std::size_t i = 0; i < placed.size(); ++i)
-    attachInstance(placed[i], static_cast<unsigned>(i));
-  if (world->clusterCount() > 0)
-    attachMesh(top.device, top.scene, *world, static_cast<unsigned>(placed.size()));
+  for (std::size_t i = 0; i < placements.size(); ++i) attachInstance(i);
+  if (parts.world.clusterCount() > 0)
+    attachMesh(top.device, top.scene, parts.world, static_cast<unsigned>(placements.size()));
   rtcCommitScene(top.scene);
   check(top.device, "building a hierarchy");
   measure();
-  statistics.buildSeconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
 void RayScene::Impl::measure() {
@@ -341,35 +253,36 @@ void RayScene::Impl::measure() {
     s.clusters += mesh.clusterCount();
     s.meshBytes += mesh.bytes().size();
   };
-  add(*world);
-  s.triangles = world->triangleCount();
-  for (const std::unique_ptr<Shared>& m : shared) add(m->mesh);
+  const hccm::Mesh& world = parts.world;
+  add(world);
+  s.triangles = world.triangleCount();
+  for (const hccm::Mesh& mesh : parts.shared) add(mesh);
   vec3 lower, upper;
-  if (world->triangleCount() > 0) {
-    world->bounds(lower, upper);
+  if (world.triangleCount() > 0) {
+    world.bounds(lower, upper);
     bounds.extend(Box3f{lower, upper});
   }
-  for (const Placed& p : placed) {
-    s.triangles += p.shared->mesh.triangleCount();
-    p.shared->mesh.bounds(lower, upper);
+  for (std::size_t i = 0; i < placements.size(); ++i) {
+    const hccm::Mesh& mesh = parts.shared[parts.placed[i].mesh];
+    s.triangles += mesh.triangleCount();
+    mesh.bounds(lower, upper);
     for (int corner = 0; corner < 8; ++corner) {
       const dvec3 c((corner & 1) ? upper.x : lower.x, (corner & 2) ? upper.y : lower.y,
                     (corner & 4) ? upper.z : lower.z);
-      bounds.extend(vec3(p.placement.toRender * glm::dvec4(c, 1.0)));
+      bounds.extend(vec3(placements[i].toRender * glm::dvec4(c, 1.0)));
     }
   }
   if (!bounds.empty()) approach = {dvec3(bounds.centre()), 0.5 * glm::length(dvec3(bounds.size()))};
-  s.instances = placed.size();
+  s.instances = placements.size();
   s.topLevelBytes = static_cast<std::uint64_t>(std::max<std::int64_t>(0, embreeBytes.load()));
 }
 
-RayScene::RayScene(const Scene& scene, const Options& options) : impl_(std::make_unique<Impl>()) {
-  try {
-    impl_->build(scene, options);
-  } catch (const std::invalid_argument& e) {
-    fail(ExitCode::kInput, "{}: {}", scene.source, e.what());
-  }
+RayScene::RayScene(const Scene& scene, Parts parts)
+    : impl_(std::make_unique<Impl>(std::move(parts))) {
+  impl_->build(scene);
 }
+RayScene::RayScene(const Scene& scene, const Options& options)
+    : RayScene(scene, makeParts(scene, options)) {}
 RayScene::~RayScene() = default;
 
 bool RayScene::intersect(const vec3& origin, const vec3& direction, float tnear, float tfar,
@@ -377,7 +290,8 @@ bool RayScene::intersect(const vec3& origin, const vec3& direction, float tnear,
   TraceContext context;
   RTCRayHit rayHit;
   vec3 start = origin;
-  const double shift = impl_->approach.bring(start, direction);
+  double shift;
+  if (!impl_->approach.bring(start, direction, shift)) return false;
   setRay(rayHit.ray, start, direction, tnear, tfar, shift);
   rayHit.hit.geomID = rayHit.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   rtcIntersect1(impl_->top.scene, &context.embree, &rayHit);
@@ -391,7 +305,8 @@ bool RayScene::occluded(const vec3& origin, const vec3& direction, float tnear, 
   TraceContext context;
   RTCRay ray;
   vec3 start = origin;
-  const double shift = impl_->approach.bring(start, direction);
+  double shift;
+  if (!impl_->approach.bring(start, direction, shift)) return false;
   setRay(ray, start, direction, tnear, tfar, shift);
   if (!(ray.tfar >= 0.0f)) return false;
   rtcOccluded1(impl_->top.scene, &context.embree, &ray);
@@ -400,14 +315,16 @@ bool RayScene::occluded(const vec3& origin, const vec3& direction, float tnear, 
 
 Surface RayScene::surface(const RayHit& hit) const {
   if (hit.instance == kWorldMesh)
-    return makeSurface(impl_->world->triangle(hit.cluster, hit.triangle), impl_->worldPlacement,
-                       hit.u, hit.v);
-  const Impl::Placed& p = impl_->placed[hit.instance];
-  return makeSurface(p.shared->mesh.triangle(hit.cluster, hit.triangle), p.placement, hit.u, hit.v);
+    return makeSurface(impl_->parts.world.triangle(hit.cluster, hit.triangle),
+                       impl_->worldPlacement, hit.u, hit.v);
+  const hccm::Mesh& mesh = impl_->parts.shared[impl_->parts.placed[hit.instance].mesh];
+  return makeSurface(mesh.triangle(hit.cluster, hit.triangle), impl_->placements[hit.instance],
+                     hit.u, hit.v);
 }
 
-dvec3 RayScene::renderOrigin() const { return impl_->renderOrigin; }
+dvec3 RayScene::renderOrigin() const { return impl_->parts.renderOrigin; }
 Box3f RayScene::bounds() const { return impl_->bounds; }
 RayScene::Statistics RayScene::statistics() const { return impl_->statistics; }
+const RayScene::Parts& RayScene::parts() const { return impl_->parts; }
 
 }  // namespace trex

@@ -10,6 +10,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <vector>
 
 #include "hccmesh/hccmesh.h"
 #include "src/scene/scene.h"
@@ -35,6 +36,9 @@ struct Surface {
   float error;  ///< metres: distance to leave the surface by, so that a new ray misses it
 };
 
+/// Whether a material reads any texture: texture coordinates are stored just for these.
+bool usesTextures(const Material& material);
+
 class RayScene {
  public:
   static constexpr std::uint32_t kWorldMesh = 0xffffffffu;
@@ -48,11 +52,30 @@ class RayScene {
     std::uint64_t triangles = 0, uniqueTriangles = 0, clusters = 0, instances = 0;
     std::uint64_t meshBytes = 0,
                   topLevelBytes = 0;  ///< HCCMesh buffers; Embree's own (its memory monitor)
-    double buildSeconds = 0.0;
   };
 
-  /// Builds HCCMeshes and the Embree scene. Throws Error(kMemoryOrDevice) if Embree fails.
-  explicit RayScene(const Scene& scene, const Options& options);
+  /// The meshes that rays meet and where they stand: all that is costly to make of a scene.
+  struct Parts {
+    /// A shared mesh that an instance places.
+    struct Placed {
+      std::uint32_t instance = 0;  ///< index into Scene::instances
+      std::uint32_t mesh = 0;      ///< index into shared
+    };
+    dvec3 renderOrigin{0.0};
+    hccm::Mesh world;                ///< the merged meshes, in render space
+    std::vector<hccm::Mesh> shared;  ///< those that are placed several times, in their own space
+    std::vector<Placed> placed;      ///< by the instance id of hits
+  };
+
+  /// Compresses the meshes of a scene. Throws Error(kInput) for a mesh that can't be compressed.
+  static Parts makeParts(const Scene& scene, const Options& options);
+
+  /// Builds the Embree scene of HCCMeshes made before of the same scene, whose mesh arrays may be
+  /// empty. Hits and surfaces have the same bits as before. Throws Error(kInput) for a placement
+  /// that rays can't be brought to, Error(kMemoryOrDevice) if Embree fails.
+  RayScene(const Scene& scene, Parts parts);
+  /// makeParts() and the Embree scene.
+  RayScene(const Scene& scene, const Options& options);
   explicit RayScene(const Scene& scene) : RayScene(scene, Options{}) {}
   ~RayScene();
   RayScene(const RayScene&) = delete;
@@ -70,6 +93,7 @@ class RayScene {
   dvec3 renderOrigin() const;
   Box3f bounds() const;  ///< render space
   Statistics statistics() const;
+  const Parts& parts() const;
 
  private:
   struct Impl;

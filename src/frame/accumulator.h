@@ -2,8 +2,10 @@
 #pragma once
 
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <mutex>
+#include <span>
 #include <vector>
 
 #include "src/core/maths.h"
@@ -27,14 +29,25 @@ class Accumulator {
   std::uint32_t height() const { return height_; }
 
   /// Adds a sample; `exact` may be null. A sample with a non-finite value never reaches the sums:
-  /// it is counted and the first few are kept for the report.
-  void add(std::uint32_t x, std::uint32_t y, std::uint32_t sample, const vec3& guess,
+  /// it is counted, the first few are kept for the report, and the answer is false.
+  bool add(std::uint32_t x, std::uint32_t y, std::uint32_t sample, const vec3& guess,
            const vec3* exact);
 
   dvec3 mean(std::uint32_t x, std::uint32_t y) const;
   dvec3 varianceOfMean(std::uint32_t x, std::uint32_t y) const;
   std::uint64_t samples(std::uint32_t x, std::uint32_t y) const;
   std::uint64_t pairs(std::uint32_t x, std::uint32_t y) const;
+
+  /// Estimated relMSE of the picture, from noise alone: the mean over pixels and channels of
+  /// variance / (r^2 + 0.01 m^2), m the picture's mean. r is the pixel's mean or that of its eight
+  /// neighbours, whichever is less: a firefly would hide in a mean that it has raised itself.
+  /// Infinite below two samples a pixel.
+  double estimatedError() const;
+
+  /// The sums, to be saved and put back into an accumulator of the same size.
+  std::span<std::byte> guessBytes() { return std::as_writable_bytes(std::span(guess_)); }
+  std::span<std::byte> differenceBytes() { return std::as_writable_bytes(std::span(difference_)); }
+  void restoreNonFinite(std::uint64_t count, std::vector<NonFiniteSample> samples);
 
   std::uint64_t nonFiniteCount() const { return nonFiniteCount_; }
   std::vector<NonFiniteSample> nonFiniteSamples() const;
@@ -46,6 +59,7 @@ class Accumulator {
   std::size_t index(std::uint32_t x, std::uint32_t y) const {
     return static_cast<std::size_t>(y) * width_ + x;
   }
+  dvec3 neighbourMean(std::uint32_t x, std::uint32_t y) const;
   void dropNonFinite(const NonFiniteSample& sample);
 
   std::uint32_t width_, height_;

@@ -3,7 +3,9 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 
 namespace trex {
 namespace {
@@ -11,16 +13,36 @@ namespace {
 constexpr int kIterations = 5;           // steps of 1, 2, 4, 8, 16 pixels
 constexpr float kTolerance = 2.0f;       // differences below this many deviations are noise
 constexpr float kPlaneTolerance = 1.0f;  // pixel widths off the surface's plane
-constexpr float kNormalPower = 32.0f;
 constexpr float kAlbedoTolerance = 0.1f;
 constexpr float kLeastAlbedo = 0.02f;
 
-/// One pixel as the filter sees it: light without texture, its variance, and guides.
+constexpr float kFar = 20.0f;  // exponents beyond count as infinite
+
+/// exp(-x) for x >= 0, within 2e-4 of itself; 0 beyond kFar. A polynomial for the fraction of the
+/// power of two, its integer part goes into the exponent's bits.
+float expOfMinus(float x) {
+  if (!(x < kFar)) return 0.0f;
+  const float y = x * -1.44269504f;
+  const float whole = std::floor(y);
+  const float f = y - whole;
+  const float mantissa = 1.0f + f * (0.695976f + f * (0.226163f + f * 0.0778610f));
+  return std::bit_cast<float>(std::bit_cast<std::int32_t>(mantissa) +
+                              (static_cast<std::int32_t>(whole) << 23));
+}
+
+/// What a pixel shows, for the weights. `length` is that of the mean normal: 0 shows nothing.
+struct Guide {
+  vec3 normal{0.0f};
+  float length = 0.0f;
+  vec3 position{0.0f};
+  float perPixel = 0.0f;  // 1 / (kPlaneTolerance * footprint)
+  vec3 albedo{0.0f};
+};
+
+/// Light without texture, and the variance of its luminance.
 struct Cell {
   vec3 light{0.0f};
-  float variance = 0.0f;  // of the light's luminance
-  vec3 albedo{0.0f}, normal{0.0f}, position{0.0f};
-  float footprint = 0.0f;
+  float variance = 0.0f;
 };
 
 class Filter {
@@ -29,21 +51,22 @@ class Filter {
          const std::vector<vec3>& variance)
       : width_(static_cast<int>(features.width())),
         height_(static_cast<int>(features.height())),
+        guides_(radiance.size()),
         cells_(radiance.size()),
         next_(radiance.size()) {
     tbb::parallel_for(0, height_, [&](int y) {
       for (int x = 0; x < width_; ++x) {
         const std::size_t i = index(x, y);
-        const Feature f =
+        const Feature& f =
             features.mean(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
-        Cell& cell = cells_[i];
-        cell.albedo = glm::max(f.albedo, vec3(kLeastAlbedo));
-        cell.light = radiance[i] / cell.albedo;
-        const vec3 spread = variance[i] / (cell.albedo * cell.albedo);
-        cell.variance = luminance(spread);
-        cell.normal = f.normal;
-        cell.position = f.position;
-        cell.footprint = f.footprint;
+        Guide& guide = guides_[i];
+        guide.albedo = glm::max(f.albedo, vec3(kLeastAlbedo));
+        guide.length = glm::length(f.normal);
+        if (guide.length > 0.0f) guide.normal = f.normal / guide.length;
+        guide.position = f.position;
+        guide.perPixel = 1.0f / (kPlaneTolerance * f.footprint + 1e-30f);
+        const vec3 spread = variance[i] / (guide.albedo * guide.albedo);
+        cells_[i] = {radiance[i] / guide.albedo, luminance(spread)};
       }
     });
   }
@@ -57,7 +80,7 @@ class Filter {
       cells_.swap(next_);
     }
     std::vector<vec3> out(cells_.size());
-    for (std::size_t i = 0; i < out.size(); ++i) out[i] = cells_[i].light * cells_[i].albedo;
+    for (std::size_t i = 0; i < out.size(); ++i) out[i] = cells_[i].light * guides_[i].albedo;
     return out;
   }
 
@@ -67,17 +90,35 @@ class Filter {
            static_cast<std::size_t>(x);
   }
 
-  /// How much two pixels may share by what they show.
-  static float guideWeight(const Cell& a, const Cell& b, float distance) {
-    const float cosine = glm::dot(a.normal, b.normal);
-    const float lengths = glm::length(a.normal) * glm::length(b.normal);
-    if (lengths < 1e-3f) return lengths == glm::dot(a.normal, a.normal) ? 1.0f : 0.0f;
-    if (cosine <= 0.0f) return 0.0f;
-    const float off = std::abs(glm::dot(a.normal, b.position - a.position));
-    const float plane = off / (kPlaneTolerance * a.footprint * distance + 1e-30f);
+  /// How little two pixels may share by what they show: their weight is power * exp(-returned
+  /// value), where power is the 32nd of the cosine between their normals.
+  static float guideDistance(const Guide& a, const Guide& b, float inverseDistance, float& power) {
+    if (a.length * b.length < 1e-3f) {
+      power = 1.0f;
+      return a.length == b.length ? 0.0f : kInfinity;
+    }
+    const float cosine = std::min(glm::dot(a.normal, b.normal), 1.0f);
+    if (cosine <= 0.5f) return kInfinity;  // less than 2^-32
+    const float c2 = cosine * cosine, c4 = c2 * c2, c8 = c4 * c4, c16 = c8 * c8;
+    power = c16 * c16;
+    const float off = std::abs(glm::dot(a.normal, b.position - a.position)) * a.length;
     const vec3 colour = a.albedo - b.albedo;
-    const float albedo = glm::dot(colour, colour) / (kAlbedoTolerance * kAlbedoTolerance);
-    return std::pow(std::min(cosine / lengths, 1.0f), kNormalPower) * std::exp(-plane - albedo);
+    return off * a.perPixel * inverseDistance +
+           glm::dot(colour, colour) * (1.0f / (kAlbedoTolerance * kAlbedoTolerance));
+  }
+
+  /// Calls visit(offset index, pixel) for the 5x5 neighbours `step` apart that are in the picture.
+  template <typename Visit>
+  void neighbours(int x, int y, int step, Visit visit) const {
+    for (int dy = -2; dy <= 2; ++dy) {
+      const int py = y + dy * step;
+      if (py < 0 || py >= height_) continue;
+      for (int dx = -2; dx <= 2; ++dx) {
+        const int px = x + dx * step;
+        if (px < 0 || px >= width_) continue;
+        visit(dx, dy, index(px, py));
+      }
+    }
   }
 
   /// A variance from few samples is itself noise and rarely too large: the mean over a
@@ -86,19 +127,18 @@ class Filter {
     std::vector<float> smooth(cells_.size());
     tbb::parallel_for(0, height_, [&](int y) {
       for (int x = 0; x < width_; ++x) {
-        const Cell& centre = cells_[index(x, y)];
+        const std::size_t centre = index(x, y);
         float sum = 0.0f, weights = 0.0f;
-        for (int dy = -2; dy <= 2; ++dy) {
-          for (int dx = -2; dx <= 2; ++dx) {
-            const int px = x + dx, py = y + dy;
-            if (px < 0 || py < 0 || px >= width_ || py >= height_) continue;
-            const Cell& other = cells_[index(px, py)];
-            const float w = dx == 0 && dy == 0 ? 1.0f : guideWeight(centre, other, 3.0f);
-            sum += w * other.variance;
-            weights += w;
+        neighbours(x, y, 1, [&](int, int, std::size_t other) {
+          float w = 1.0f;
+          if (other != centre) {
+            const float distance = guideDistance(guides_[centre], guides_[other], 1.0f / 3.0f, w);
+            w *= expOfMinus(distance);
           }
-        }
-        smooth[index(x, y)] = sum / weights;
+          sum += w * cells_[other].variance;
+          weights += w;
+        });
+        smooth[centre] = sum / weights;
       }
     });
     for (std::size_t i = 0; i < smooth.size(); ++i) {
@@ -108,36 +148,38 @@ class Filter {
 
   Cell gather(int x, int y, int step) const {
     constexpr float kSpline[3] = {3.0f / 8.0f, 1.0f / 4.0f, 1.0f / 16.0f};
-    const Cell& centre = cells_[index(x, y)];
-    Cell out = centre;
+    // 1 / sqrt(dx^2 + dy^2) by the squared distance.
+    constexpr float kInverse[9] = {0.0f,        1.0f, 0.70710678f, 0.0f,       0.5f,
+                                   0.44721360f, 0.0f, 0.0f,        0.35355339f};
+    const std::size_t at = index(x, y);
+    const Cell& centre = cells_[at];
+    const Guide& guide = guides_[at];
+    const float inverseStep = 1.0f / static_cast<float>(step);
+    const float bright = luminance(centre.light);
     vec3 light(0.0f);
     float variance = 0.0f, weights = 0.0f;
-    for (int dy = -2; dy <= 2; ++dy) {
-      for (int dx = -2; dx <= 2; ++dx) {
-        const int px = x + dx * step, py = y + dy * step;
-        if (px < 0 || py < 0 || px >= width_ || py >= height_) continue;
-        const Cell& other = cells_[index(px, py)];
-        float w = kSpline[std::abs(dx)] * kSpline[std::abs(dy)];
-        if (dx != 0 || dy != 0) {
-          const float distance =
-              static_cast<float>(step) * std::sqrt(static_cast<float>(dx * dx + dy * dy));
-          w *= guideWeight(centre, other, distance);
-          if (w < 1e-6f) continue;
-          const float difference = luminance(centre.light) - luminance(other.light);
-          const float noise = centre.variance + other.variance;
-          w *= std::exp(-difference * difference / (kTolerance * kTolerance * noise + 1e-30f));
-        }
-        light += w * other.light;
-        variance += w * w * other.variance;
-        weights += w;
+    neighbours(x, y, step, [&](int dx, int dy, std::size_t i) {
+      const Cell& other = cells_[i];
+      float w = kSpline[std::abs(dx)] * kSpline[std::abs(dy)];
+      if (i != at) {
+        float power = 0.0f;
+        float far =
+            guideDistance(guide, guides_[i], inverseStep * kInverse[dx * dx + dy * dy], power);
+        if (!(far < kFar)) return;
+        const float difference = bright - luminance(other.light);
+        const float noise = centre.variance + other.variance;
+        far += difference * difference / (kTolerance * kTolerance * noise + 1e-30f);
+        w *= power * expOfMinus(far);
       }
-    }
-    out.light = light / weights;
-    out.variance = variance / (weights * weights);
-    return out;
+      light += w * other.light;
+      variance += w * w * other.variance;
+      weights += w;
+    });
+    return {light / weights, variance / (weights * weights)};
   }
 
   int width_, height_;
+  std::vector<Guide> guides_;
   std::vector<Cell> cells_, next_;
 };
 

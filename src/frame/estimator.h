@@ -67,6 +67,9 @@ class DifferenceMoments {
   dvec3 guessSum_{0.0}, coSpread_{0.0};
 };
 
+// Checkpoints keep both as bytes: plain numbers without padding.
+static_assert(sizeof(Moments) == 7 * 8 && sizeof(DifferenceMoments) == sizeof(Moments) + 6 * 8);
+
 /// mean(G) + mean(D).
 inline dvec3 combinedMean(const Moments& guess, const DifferenceMoments& pairs) {
   return guess.mean() + pairs.difference().mean();

@@ -2,7 +2,9 @@
 // not a mirror or clear glass. Guides the filter, and is written as layers.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "src/core/maths.h"
@@ -17,40 +19,49 @@ struct Feature {
   float footprint = 0.0f;  ///< width of a pixel at that place, metres
 };
 
-/// Sums of features over the samples of each pixel. One pixel by one thread at a time.
+/// The first surface of a sample, whatever it is made of.
+struct FirstHit {
+  static constexpr float kNothing = -1.0f;
+  float depth = kNothing;   ///< metres along the viewing direction
+  float object = kNothing;  ///< numbers; exact below 2^24
+  float material = kNothing;
+};
+
+/// Means of features over the samples of each pixel. One pixel by one thread at a time.
 class FeatureImage {
  public:
   FeatureImage(std::uint32_t width, std::uint32_t height)
-      : width_(width), height_(height), sums_(std::size_t{width} * height) {}
+      : width_(width), height_(height), pixels_(std::size_t{width} * height) {}
 
   void add(std::uint32_t x, std::uint32_t y, const Feature& f) {
-    Sum& sum = sums_[std::size_t{y} * width_ + x];
-    sum.feature.albedo += f.albedo;
-    sum.feature.normal += f.normal;
-    sum.feature.position += f.position;
-    sum.feature.footprint += f.footprint;
-    sum.count += 1.0f;
+    Pixel& pixel = pixels_[std::size_t{y} * width_ + x];
+    pixel.count += 1.0f;
+    const float weight = 1.0f / pixel.count;
+    Feature& mean = pixel.mean;
+    mean.albedo += (f.albedo - mean.albedo) * weight;
+    mean.normal += (f.normal - mean.normal) * weight;
+    mean.position += (f.position - mean.position) * weight;
+    mean.footprint += (f.footprint - mean.footprint) * weight;
   }
   /// Means of a pixel; the normal is not made unit again.
-  Feature mean(std::uint32_t x, std::uint32_t y) const {
-    const Sum& sum = sums_[std::size_t{y} * width_ + x];
-    const float scale = sum.count > 0.0f ? 1.0f / sum.count : 0.0f;
-    return {sum.feature.albedo * scale, sum.feature.normal * scale, sum.feature.position * scale,
-            sum.feature.footprint * scale};
+  const Feature& mean(std::uint32_t x, std::uint32_t y) const {
+    return pixels_[std::size_t{y} * width_ + x].mean;
   }
   std::uint32_t width() const { return width_; }
   std::uint32_t height() const { return height_; }
   static std::uint64_t bytesNeeded(std::uint32_t width, std::uint32_t height) {
-    return std::uint64_t{width} * height * sizeof(Sum);
+    return std::uint64_t{width} * height * sizeof(Pixel);
   }
+  /// The state, to be saved and put back.
+  std::span<std::byte> bytes() { return std::as_writable_bytes(std::span(pixels_)); }
 
  private:
-  struct Sum {
-    Feature feature;
+  struct Pixel {
+    Feature mean;
     float count = 0.0f;
   };
   std::uint32_t width_, height_;
-  std::vector<Sum> sums_;
+  std::vector<Pixel> pixels_;
 };
 
 }  // namespace trex

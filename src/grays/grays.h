@@ -58,6 +58,8 @@ struct VulkanLimits {
   std::uint64_t maxStorageBufferRange = 0;  ///< for tests
   bool forceStaging = false;                ///< copy as if device memory were not mapped (tests)
   bool storageBuffers = false;              ///< read the tree as a GPU does, on any device (tests)
+  /// Simulated failures, see vulkan::DeviceOptions (tests).
+  std::uint64_t failAllocation = 0, failSubmit = 0, failWait = 0;
 };
 
 /// On Vulkan device number `device` (order of enumeration), or the best one with -1. Throws

@@ -143,6 +143,9 @@ std::unique_ptr<GRayTracer> makeVulkanTracer(const asvo::Tree& tree,
   options.maxBytes = limits.maxBytes;
   options.maxStorageBufferRange = limits.maxStorageBufferRange;
   options.forceStaging = limits.forceStaging;
+  options.failAllocation = limits.failAllocation;
+  options.failSubmit = limits.failSubmit;
+  options.failWait = limits.failWait;
   return std::make_unique<VulkanTracer>(tree, materials, options, limits.storageBuffers);
 }
 

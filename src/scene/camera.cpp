@@ -106,7 +106,9 @@ Camera framingCamera(const Box3d& bounds) {
   const double distance = 1.05 * radius / std::sin(0.5 * camera.verticalFov);
   const dvec3 towardsEye = glm::normalize(dvec3(0.0, 0.3, 1.0));
   const float fov = camera.verticalFov;
-  camera = lookAt(centre + distance * towardsEye, centre, dvec3(0.0, 1.0, 0.0));
+  // Far from the origin, the eye may round to the centre itself.
+  camera = lookAt(towardsEye, dvec3(0.0), dvec3(0.0, 1.0, 0.0));
+  camera.eye = centre + distance * towardsEye;
   camera.verticalFov = fov;
   camera.name = "framing";
   return camera;

@@ -50,6 +50,12 @@ std::string_view jsonOf(const GltfContext& context, const std::vector<std::uint8
   if (word(bytes, 16) != 0x4e4f534au || jsonLength > bytes.size() - 20) {
     context.bad("the first chunk is not JSON or is longer than the file");
   }
+  // tinygltf forgets the 8 bytes of the second chunk's header.
+  const std::uint64_t second = 20 + jsonLength, length = word(bytes, 8);
+  if (second + 8 <= length && word(bytes, second) > length - second - 8) {
+    context.bad("truncated: the second chunk says {} bytes, {} are left", word(bytes, second),
+                length - second - 8);
+  }
   return {text + 20, static_cast<std::size_t>(jsonLength)};
 }
 
@@ -76,8 +82,10 @@ bool fileExists(const std::string& path, void*) {
   return std::filesystem::is_regular_file(path, error);
 }
 std::string samePath(const std::string& path, void*) { return path; }
-bool readFile(std::vector<unsigned char>* out, std::string* error, const std::string& path, void*) {
+bool readFile(std::vector<unsigned char>* out, std::string* error, const std::string& path,
+              void* scene) {
   try {
+    noteFile(*static_cast<Scene*>(scene), path);
     *out = readWholeFile(path, "buffer", std::uint64_t(1) << 34);
     return true;
   } catch (const Error& e) {
@@ -102,7 +110,7 @@ void parse(GltfContext& context) {
   const std::string_view json = jsonOf(context, bytes);
   checkDepth(context, json);
   tinygltf::TinyGLTF loader;
-  loader.SetFsCallbacks({&fileExists, &samePath, &readFile, &writeNothing, nullptr});
+  loader.SetFsCallbacks({&fileExists, &samePath, &readFile, &writeNothing, &context.scene});
   loader.SetImageLoader(&keepEncoded, nullptr);
   const std::string folder = context.path.parent_path().string();
   std::string error, warning;
@@ -333,7 +341,7 @@ class NodeReader {
     if (!extension.IsObject() || !extension.Has("light") || !extension.Get("light").IsNumber()) {
       context_.bad("node {} ('{}'): KHR_lights_punctual has no light", index, node.name);
     }
-    const int number = extension.Get("light").GetNumberAsInt();
+    const int number = indexOf(extension.Get("light"));
     if (number < 0 || std::size_t(number) >= lights.size()) {
       context_.bad("node {} ('{}'): light {} does not exist", index, node.name, number);
     }

@@ -8,6 +8,7 @@
 #define TINYGLTF_NO_EXTERNAL_IMAGE
 #include <tiny_gltf.h>
 
+#include <cmath>
 #include <cstring>
 #include <map>
 #include <set>
@@ -37,6 +38,14 @@ struct GltfContext {
     if (said.insert(text).second) scene.warnings.push_back(std::move(text));
   }
 };
+
+/// A number as an index; kNone if it is not one (a fraction, or out of range).
+inline int indexOf(const tinygltf::Value& number) {
+  const double value = number.GetNumberAsDouble();
+  return value >= 0.0 && value <= 2147483647.0 && value == std::floor(value)
+             ? static_cast<int>(value)
+             : kNone;
+}
 
 /// The checked memory of an accessor: `count` elements of `components` values each.
 class GltfAccessor {

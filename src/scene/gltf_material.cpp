@@ -193,7 +193,7 @@ Texture GltfMaterials::textureProperty(const tinygltf::Value& object, const char
   if (info == nullptr) return {};
   const tinygltf::Value* index = member(*info, "index");
   const tinygltf::Value* texCoord = member(*info, "texCoord");
-  if (index == nullptr || !index->IsNumber()) {
+  if (index == nullptr || !index->IsNumber() || indexOf(*index) < 0) {
     context_.bad("{}: {} has no index", currentName_, key);
   }
   tinygltf::ExtensionMap extensions;
@@ -202,8 +202,8 @@ Texture GltfMaterials::textureProperty(const tinygltf::Value& object, const char
       extensions["KHR_texture_transform"] = *transform;
     }
   }
-  const int set = texCoord != nullptr && texCoord->IsNumber() ? texCoord->GetNumberAsInt() : 0;
-  return texture(index->GetNumberAsInt(), set, extensions, srgb);
+  const int set = texCoord != nullptr && texCoord->IsNumber() ? indexOf(*texCoord) : 0;
+  return texture(indexOf(*index), set, extensions, srgb);
 }
 
 Texture GltfMaterials::texture(int index, int texCoord, const tinygltf::ExtensionMap& extensions,
@@ -218,7 +218,7 @@ Texture GltfMaterials::texture(int index, int texCoord, const tinygltf::Extensio
   int source = from.source;
   if (const auto* webp = extension(from.extensions, "EXT_texture_webp")) {
     const auto* value = member(*webp, "source");
-    if (value != nullptr && value->IsNumber()) source = value->GetNumberAsInt();
+    if (value != nullptr && value->IsNumber()) source = indexOf(*value);
   }
   if (source < 0) {
     context_.warn("{}: texture {} has no image that can be read; it is left out", currentName_,
@@ -240,7 +240,7 @@ Texture GltfMaterials::texture(int index, int texCoord, const tinygltf::Extensio
     to.scale = pairOr(member(*transform, "scale"), vec2(1.0f));
     to.rotation = finiteOr(member(*transform, "rotation"), 0.0f);
     const auto* set = member(*transform, "texCoord");
-    if (set != nullptr && set->IsNumber()) texCoord = set->GetNumberAsInt();
+    if (set != nullptr && set->IsNumber()) texCoord = indexOf(*set);
   }
   if (currentSet_ < 0) currentSet_ = std::max(texCoord, 0);
   if (texCoord != currentSet_) {
@@ -276,8 +276,9 @@ Image GltfMaterials::loadImage(const PendingImage& pending) const {
   if (image.uri.find(':') < 12 && image.uri.find('/') > image.uri.find(':')) {
     fail(ExitCode::kInput, "{}: only files and base64 data URIs of common types can be read", name);
   }
-  const auto file = readWholeFile(context_.path.parent_path() / percentDecoded(image.uri), name);
-  return decodeImage(file, name, pending.srgb);
+  const std::filesystem::path path = context_.path.parent_path() / percentDecoded(image.uri);
+  noteFile(context_.scene, path);
+  return decodeImage(readWholeFile(path, name), name, pending.srgb);
 }
 
 void GltfMaterials::loadImages() {

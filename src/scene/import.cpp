@@ -1,7 +1,11 @@
 #include "src/scene/import.h"
 
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <cctype>
+#include <cerrno>
+#include <cstring>
 #include <new>
 
 #include "src/core/log.h"
@@ -20,7 +24,25 @@ Material defaultMaterial() {
   return grey;
 }
 
+void noteFile(Scene& scene, const std::filesystem::path& path) {
+  const std::string name = path.string();
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) return;
+  const bool known = std::any_of(scene.files.begin(), scene.files.end(),
+                                 [&](const SourceFile& f) { return f.path == name; });
+  if (!known) scene.files.push_back(examineSource(path));
+}
+
 }  // namespace detail
+
+SourceFile examineSource(const std::filesystem::path& path) {
+  struct stat status {};
+  if (::stat(path.c_str(), &status) != 0) {
+    fail(ExitCode::kInput, "{}: can't be examined: {}", path.string(), std::strerror(errno));
+  }
+  return {path.string(), static_cast<std::uint64_t>(status.st_size),
+          std::int64_t{status.st_mtim.tv_sec} * 1'000'000'000 + status.st_mtim.tv_nsec};
+}
 
 namespace {
 
@@ -58,6 +80,7 @@ Scene readByExtension(const std::filesystem::path& path, const ImportOptions& op
 Scene importScene(const std::filesystem::path& path, const ImportOptions& options) {
   checkReadable(path);
   Scene scene;
+  const SourceFile model = examineSource(path);
   try {
     scene = readByExtension(path, options);
   } catch (const Error&) {
@@ -70,6 +93,7 @@ Scene importScene(const std::filesystem::path& path, const ImportOptions& option
     fail(ExitCode::kInput, "{}: {}", path.string(), e.what());
   }
   scene.source = path.string();
+  scene.files.insert(scene.files.begin(), model);
   detail::removeEmptyMeshes(scene);
   if (scene.droppedTriangles > 0) {
     scene.warnings.push_back(fmt::format("{}: {} triangles with non-finite vertices dropped",
@@ -79,6 +103,7 @@ Scene importScene(const std::filesystem::path& path, const ImportOptions& option
     fail(ExitCode::kInput, "{}: no triangle to render{}", scene.source,
          scene.droppedTriangles > 0 ? " (all had non-finite vertices)" : "");
   }
+  detail::checkExtent(scene);
   addDefaultLightAndCamera(scene, options.environmentGiven);
   for (const std::string& warning : scene.warnings) logWarning("{}", warning);
   return scene;

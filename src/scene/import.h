@@ -28,9 +28,13 @@ struct ImportOptions {
 
 /// Reads a model by its extension. Throws Error(kInput) that names the file, what is wrong in it
 /// and where. Triangles with a non-finite vertex are dropped and counted; a scene without any
-/// triangle is an error. A model with no light gets a soft sky, one with no camera a framing
-/// camera; both are said in Scene::warnings. Each warning is also logged once. Thread safe.
+/// triangle is an error, as is one that reaches beyond 1e18 m. A model with no light gets a soft
+/// sky, one with no camera a framing camera; both are said in Scene::warnings. Each warning is also
+/// logged once. Thread safe.
 Scene importScene(const std::filesystem::path& path, const ImportOptions& options = {});
+
+/// Size and time of a file. Throws Error(kInput) if it can't be examined.
+SourceFile examineSource(const std::filesystem::path& path);
 
 /// True if anything shines: an emissive material that an instance uses, a light, or the
 /// environment.

@@ -18,6 +18,10 @@ Scene readGltf(const std::filesystem::path& path, const ImportOptions& options);
 Scene readPly(const std::filesystem::path& path);
 Scene readObj(const std::filesystem::path& path, const ImportOptions& options);
 
+/// Adds a file that is about to be read to Scene::files, once. One that is not there is left to
+/// the reader to complain about.
+void noteFile(Scene& scene, const std::filesystem::path& path);
+
 /// Lambertian grey: what a surface without a material looks like.
 Material defaultMaterial();
 
@@ -25,6 +29,12 @@ Material defaultMaterial();
 /// (unusable ones become the face's), and non-finite texture coordinates 0. Throws Error(kInput) if
 /// an index is out of range; `where` names the file and the mesh.
 void sanitiseMesh(Scene& scene, Mesh& mesh, const std::string& where);
+
+/// Furthest coordinate of anything in a scene, metres: squares of lengths stay in single precision.
+inline constexpr double kMaxCoordinate = 1e18;
+
+/// Throws Error(kInput) if an object, a camera or a light is further out than kMaxCoordinate.
+void checkExtent(const Scene& scene);
 
 /// Removes meshes without triangles and their instances; fails if none is left.
 void removeEmptyMeshes(Scene& scene);

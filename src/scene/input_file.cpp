@@ -1,5 +1,6 @@
 #include "src/scene/input_file.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cstring>
 #include <limits>
@@ -25,7 +26,7 @@ InputFile::InputFile(const std::filesystem::path& path) : name_(path.string()) {
   fileLeft_ = std::filesystem::file_size(path, error);
   file_.reset(std::fopen(name_.c_str(), "rb"));
   if (error || !file_) fail(ExitCode::kInput, "{}: can't be opened for reading", name_);
-  buffer_.resize(kBufferSize);
+  buffer_.resize(std::min<std::uint64_t>(kBufferSize, fileLeft_ + 1));
 }
 
 bool InputFile::refill() {

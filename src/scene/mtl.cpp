@@ -171,6 +171,7 @@ class MtlReader {
       if (scene_.images[i].name == name) return static_cast<int>(i);
     }
     const std::string where = fmt::format("{}:{}: texture", input_.name(), input_.lineNumber());
+    noteFile(scene_, path);
     scene_.images.push_back(decodeImage(readWholeFile(path, where), name, true));
     return static_cast<int>(scene_.images.size()) - 1;
   }
@@ -190,6 +191,7 @@ class MtlReader {
 
 void readMtl(const std::filesystem::path& path, const ImportOptions& options, Scene& scene,
              std::map<std::string, int>& names) {
+  noteFile(scene, path);
   MtlReader(path, options, scene, names).read();
 }
 

@@ -60,7 +60,7 @@ std::uint64_t fixNormals(Mesh& mesh) {
     if (!broken[i]) continue;
     const vec3 n = mesh.normals[i];
     const float largest = std::max({std::abs(n.x), std::abs(n.y), std::abs(n.z)});
-    const bool usable = largest > 0.0f && std::isfinite(largest);
+    const bool usable = largest > 0.0f && isFinite(n);
     mesh.normals[i] = usable ? glm::normalize(n / largest) : vec3(0.0f, 1.0f, 0.0f);
   }
   return static_cast<std::uint64_t>(std::count(broken.begin(), broken.end(), true));
@@ -85,6 +85,30 @@ void sanitiseMesh(Scene& scene, Mesh& mesh, const std::string& where) {
     scene.warnings.push_back(
         fmt::format("{}: {} non-finite texture coordinates set to 0", where, badCoords));
   }
+}
+
+void checkExtent(const Scene& scene) {
+  const auto check = [&](const dvec3& p, const char* what, const std::string& name) {
+    if (glm::all(glm::lessThanEqual(glm::abs(p), dvec3(kMaxCoordinate)))) return;
+    fail(ExitCode::kInput, "{}: {} '{}' reaches to {:.3g},{:.3g},{:.3g}, beyond {:.0e} m",
+         scene.source, what, name, p.x, p.y, p.z, kMaxCoordinate);
+  };
+  std::vector<Box3d> boxes(scene.meshes.size());
+  for (std::size_t i = 0; i < boxes.size(); ++i) {
+    for (const vec3& p : scene.meshes[i].positions) {
+      boxes[i].extend(scene.meshes[i].origin + dvec3(p));
+    }
+  }
+  for (const Instance& instance : scene.instances) {
+    const Box3d& box = boxes[instance.mesh];
+    for (int k = 0; k < 8; ++k) {
+      const dvec3 corner(k & 1 ? box.upper.x : box.lower.x, k & 2 ? box.upper.y : box.lower.y,
+                         k & 4 ? box.upper.z : box.lower.z);
+      check(dvec3(instance.transform * glm::dvec4(corner, 1.0)), "object", instance.name);
+    }
+  }
+  for (const Camera& camera : scene.cameras) check(camera.eye, "camera", camera.name);
+  for (const Light& light : scene.lights) check(light.position, "light", light.name);
 }
 
 void removeEmptyMeshes(Scene& scene) {

@@ -118,8 +118,16 @@ struct Environment {
   bool present() const { return map != nullptr || color.x > 0 || color.y > 0 || color.z > 0; }
 };
 
+/// A file that an import read, as it was when it was opened.
+struct SourceFile {
+  std::string path;
+  std::uint64_t bytes = 0;
+  std::int64_t modifiedNanoseconds = 0;  ///< since 1970
+};
+
 struct Scene {
-  std::string source;  ///< path as given
+  std::string source;             ///< path as given
+  std::vector<SourceFile> files;  ///< all that the import read, the model's own first
   std::vector<Mesh> meshes;
   std::vector<Instance> instances;
   std::vector<Material> materials;  ///< at least one

@@ -36,7 +36,9 @@ Model makeModel(Scene scene, const ModelOptions& options) {
   Model model;
   model.scene = std::move(scene);
   double mark = now();
-  model.rays = std::make_unique<RayScene>(model.scene);
+  RayScene::Options meshOptions;
+  meshOptions.precisionBits = options.precisionBits;
+  model.rays = std::make_unique<RayScene>(model.scene, meshOptions);
   model.meshSeconds = now() - mark;
   mark = now();
   if (options.voxels && hasLight(model.scene)) {

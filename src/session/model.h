@@ -24,6 +24,7 @@ struct ModelOptions {
   bool voxels = true;            ///< build them if anything shines
   int voxelDepth = 8;            ///< levels below the root
   std::uint64_t voxelBytes = 0;  ///< limit of their arrays with light; 0: none
+  int precisionBits = 24;        ///< grid cells along a mesh's largest extent: 2^bits, 8..24
 };
 
 /// Builds what the scene and the options require. Throws Error. Uses the calling oneTBB arena.

@@ -10,6 +10,7 @@
 #include "src/core/log.h"
 #include "src/core/memory.h"
 #include "src/frame/denoise.h"
+#include "src/session/checkpoint.h"
 #include "src/session/light_pass.h"
 #include "src/session/voxel_source.h"
 
@@ -20,6 +21,20 @@ constexpr std::uint32_t kTileSize = 64;
 
 double now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+/// Seconds a pixel that the filter takes here, at most: every neighbour counts on an even picture.
+double filterSeconds() {
+  constexpr std::uint32_t kSide = 64;
+  FeatureImage features(kSide, kSide);
+  const std::vector<vec3> even(kSide * kSide, vec3(1.0f));
+  double best = kInfinity;
+  for (int run = 0; run < 2; ++run) {
+    const double mark = now();
+    denoiseGuess(features, even, even);
+    best = std::min(best, now() - mark);
+  }
+  return best / (kSide * kSide);
 }
 
 }  // namespace
@@ -52,8 +67,14 @@ Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
       frame_(settings.width, settings.height, settings.exact > 0.0 && settings.exact < 1.0),
       tiles_(makeTiles(settings.width, settings.height, kTileSize)) {
   settings_.denoise &= settings_.exact <= 0.0;
-  if (settings_.denoise || layers_.features) {
+  if (settings_.denoise || layers_.needsFeatures()) {
     features_ = std::make_unique<FeatureImage>(settings_.width, settings_.height);
+  }
+  if (layers_.needsSplit()) {
+    direct_ = std::make_unique<DirectImage>(settings_.width, settings_.height);
+  }
+  if (layers_.needsFirstHit()) {
+    firstHits_ = std::make_unique<FirstHitImage>(settings_.width, settings_.height);
   }
   const RayScene& rays = *model_->rays;
   lights_ = std::make_unique<LightSet>(model_->scene, rays.renderOrigin(), rays.bounds());
@@ -73,7 +94,10 @@ Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
   if (voxels_) {
     const double mark = now();
     voxels_->light->aim(*camera_, settings_.width, settings_.height);
-    report_.aimSeconds = now() - mark;
+    report_.aimSeconds = report_.renderSeconds = now() - mark;
+  }
+  if (settings_.denoise && settings_.seconds > 0.0) {
+    filterEstimate_ = filterSeconds() * settings_.width * settings_.height;
   }
   integrator_ =
       std::make_unique<Integrator>(model_->scene, rays, *lights_, *camera_, guess, settings_.seed);
@@ -94,7 +118,8 @@ void Session::prepareVoxels() {
   const auto materials = photonMaterials(scene);
   voxels_->device = settings_.device == RenderSettings::kNoDevice
                         ? makeCpuTracer(tree, materials)
-                        : makeVulkanTracer(tree, materials, settings_.device);
+                        : makeVulkanTracer(tree, materials, settings_.device,
+                                           {.maxBytes = settings_.maxGpuMemory});
   voxels_->cache = std::make_unique<LightCache>(tree);
   voxels_->light = std::make_unique<LightPass>(scene, *model_->rays, *lights_, *voxels_->device,
                                                *voxels_->cache, settings_.seed);
@@ -120,7 +145,9 @@ bool Session::pass(const KeepGoing& keepGoing) {
   TileWork works[2];
   bool going = true;
   for (; tilesDone_ < tiles_.size(); ++tilesDone_) {
-    going = keepGoing(progress()) && !(settings_.seconds > 0.0 && elapsed() >= settings_.seconds);
+    // The first pass is finished in any case: a picture has no holes.
+    const bool late = settings_.seconds > 0.0 && sample > 0 && elapsed() >= timeLimit();
+    going = keepGoing(progress()) && !late;
     if (!going) break;
     trace(tiles_[tilesDone_], sample, works[tilesDone_ % 2]);
     merge(works[(tilesDone_ + 1) % 2]);
@@ -129,6 +156,10 @@ bool Session::pass(const KeepGoing& keepGoing) {
   if (!going) return false;
   tilesDone_ = 0;
   ++report_.samplesDone;
+  if (settings_.error > 0.0 && report_.samplesDone >= errorCheck_) {
+    error_ = frame_.estimatedError();
+    errorCheck_ = report_.samplesDone + std::max(report_.samplesDone / 8u, 1u);
+  }
   return true;
 }
 
@@ -176,40 +207,56 @@ void Session::merge(TileWork& work) {
     for (const auto& row : work.rows) {
       for (const ConeRequest& r : row) {
         const shaderio::GatherResult& answer = results[next++];
-        work.paths[r.pixel].guess +=
-            r.weight * answer.radiance * scale + r.background * answer.transmittance;
+        PathSample& path = work.paths[r.pixel];
+        const vec3 passed = r.background * answer.transmittance;
+        path.guess += r.weight * answer.radiance * scale + passed;
+        if (r.direct) path.direct += passed;
       }
     }
   }
   for (std::uint32_t row = 0; row < work.tile.height; ++row) {
-    for (std::uint32_t column = 0; column < work.tile.width; ++column) {
-      const std::size_t i = std::size_t{row} * work.tile.width + column;
-      const PathSample& p = work.paths[i];
-      const vec3 exact = p.common + p.exact;
-      frame_.add(work.tile.x + column, work.tile.y + row, work.sample, p.common + p.guess,
-                 work.paired[i] ? &exact : nullptr);
-      if (features_) features_->add(work.tile.x + column, work.tile.y + row, p.feature);
-    }
+    for (std::uint32_t column = 0; column < work.tile.width; ++column) add(work, column, row);
   }
+}
+
+/// A finished sample enters the frame and its layers.
+void Session::add(const TileWork& work, std::uint32_t column, std::uint32_t row) {
+  const std::size_t i = std::size_t{row} * work.tile.width + column;
+  const std::uint32_t x = work.tile.x + column, y = work.tile.y + row;
+  const PathSample& p = work.paths[i];
+  const vec3 exact = p.common + p.exact;
+  const bool paired = work.paired[i] != 0;
+  const bool finite = frame_.add(x, y, work.sample, p.common + p.guess, paired ? &exact : nullptr);
+  if (features_) features_->add(x, y, p.feature);
+  if (firstHits_) firstHits_->add(x, y, work.sample, p.first);
+  if (direct_ && finite) direct_->add(x, y, p.direct, paired ? &p.directExact : nullptr);
 }
 
 bool Session::goalReached() const {
   if (settings_.samples > 0 && report_.samplesDone >= settings_.samples) return true;
-  return settings_.seconds > 0.0 && report_.renderSeconds >= settings_.seconds;
+  if (settings_.error > 0.0 && error_ <= settings_.error) return true;
+  return settings_.seconds > 0.0 && report_.samplesDone > 0 &&
+         report_.renderSeconds >= timeLimit();
 }
 
 double Session::elapsed() const { return now() - start_; }
+
+/// The filter's share of the time is kept free.
+double Session::timeLimit() const {
+  return std::max(settings_.seconds - filterEstimate_, 0.1 * settings_.seconds);
+}
 
 double Session::progress() const {
   const double part = static_cast<double>(tilesDone_) / static_cast<double>(tiles_.size());
   double done = 0.0;
   if (settings_.samples > 0) done = (report_.samplesDone + part) / settings_.samples;
-  if (settings_.seconds > 0.0) done = std::max(done, elapsed() / settings_.seconds);
+  if (settings_.seconds > 0.0) done = std::max(done, elapsed() / timeLimit());
+  if (settings_.error > 0.0) done = std::max(done, settings_.error / error_);
   return std::min(done, 1.0);
 }
 
 /// What the viewer gets to see of the frame: means, filtered if asked for.
-std::vector<vec3> Session::shown() const {
+std::vector<vec3> Session::shown() {
   std::vector<vec3> mean, variance;
   mean.reserve(std::size_t{settings_.width} * settings_.height);
   for (std::uint32_t y = 0; y < settings_.height; ++y) {
@@ -218,41 +265,66 @@ std::vector<vec3> Session::shown() const {
       if (settings_.denoise) variance.emplace_back(frame_.varianceOfMean(x, y));
     }
   }
-  return settings_.denoise ? denoiseGuess(*features_, mean, variance) : mean;
+  if (!settings_.denoise) return mean;
+  const double mark = now();
+  std::vector<vec3> filtered = denoiseGuess(*features_, mean, variance);
+  report_.filterSeconds = now() - mark;
+  return filtered;
 }
 
-Picture Session::picture() const {
+Picture Session::picture() {
   Picture picture;
   picture.width = settings_.width;
   picture.height = settings_.height;
-  std::vector<std::string>& channels = picture.channels;
-  channels = {"R", "G", "B"};
+  picture.channels = {"R", "G", "B"};
   const auto put = [&](const std::string& layer, const char* names) {
-    for (const char* n = names; *n; ++n) channels.push_back(layer + '.' + *n);
+    for (const char* n = names; *n; ++n) picture.channels.push_back(layer + '.' + *n);
   };
+  if (layers_.direct) put("direct", "RGB");
+  if (layers_.indirect) put("indirect", "RGB");
+  if (layers_.albedo) put("albedo", "RGB");
+  if (layers_.normal) put("normal", "XYZ");
+  if (layers_.position) put("position", "XYZ");
+  if (layers_.depth) picture.channels.emplace_back("depth");
+  if (layers_.objectId) picture.channels.emplace_back("objectId");
+  if (layers_.materialId) picture.channels.emplace_back("materialId");
+  if (layers_.sampleCount) picture.channels.emplace_back("sampleCount");
   if (layers_.variance) put("variance", "RGB");
-  if (layers_.sampleCount) channels.emplace_back("sampleCount");
-  if (layers_.features) {
-    put("albedo", "RGB");
-    put("normal", "XYZ");
-    put("position", "XYZ");
-  }
   std::vector<float>& values = picture.values;
-  values.reserve(channels.size() * settings_.width * settings_.height);
-  const auto add = [&](const vec3& v) { values.insert(values.end(), {v.x, v.y, v.z}); };
+  values.reserve(picture.channels.size() * settings_.width * settings_.height);
   const std::vector<vec3> colors = shown();
   for (std::uint32_t y = 0; y < settings_.height; ++y) {
     for (std::uint32_t x = 0; x < settings_.width; ++x) {
-      add(colors[std::size_t{y} * settings_.width + x]);
-      if (layers_.variance) add(vec3(frame_.varianceOfMean(x, y)));
-      if (layers_.sampleCount) values.push_back(static_cast<float>(frame_.samples(x, y)));
-      if (layers_.features) {
-        const Feature f = features_->mean(x, y);
-        for (const vec3& v : {f.albedo, f.normal, f.position}) add(v);
-      }
+      const vec3& color = colors[std::size_t{y} * settings_.width + x];
+      values.insert(values.end(), {color.x, color.y, color.z});
+      addLayers(x, y, values);
     }
   }
   return picture;
+}
+
+/// The values of a pixel's layers, in the order of their channels.
+void Session::addLayers(std::uint32_t x, std::uint32_t y, std::vector<float>& values) const {
+  const auto add = [&](const vec3& v) { values.insert(values.end(), {v.x, v.y, v.z}); };
+  if (layers_.needsSplit()) {
+    const dvec3 direct = direct_->mean(x, y);
+    if (layers_.direct) add(vec3(direct));
+    if (layers_.indirect) add(vec3(frame_.mean(x, y) - direct));
+  }
+  if (layers_.needsFeatures()) {
+    const Feature& f = features_->mean(x, y);
+    if (layers_.albedo) add(f.albedo);
+    if (layers_.normal) add(f.normal);
+    if (layers_.position) add(f.position);
+  }
+  if (layers_.needsFirstHit()) {
+    const FirstHit& hit = firstHits_->at(x, y);
+    if (layers_.depth) values.push_back(hit.depth);
+    if (layers_.objectId) values.push_back(hit.object);
+    if (layers_.materialId) values.push_back(hit.material);
+  }
+  if (layers_.sampleCount) values.push_back(static_cast<float>(frame_.samples(x, y)));
+  if (layers_.variance) add(vec3(frame_.varianceOfMean(x, y)));
 }
 
 SessionReport Session::report() const {
@@ -262,9 +334,54 @@ SessionReport Session::report() const {
     out.photonsLanded = voxels_->light->landed();
     out.photonSeconds = voxels_->light->seconds();
     out.lightScale = voxels_->light->scale();
+    out.deviceBytes = voxels_->device->statistics().deviceBytes;
   }
+  out.estimatedError = report_.samplesDone < 2 ? -1.0 : frame_.estimatedError();
   out.nonFinite = frame_.nonFiniteCount();
   return out;
+}
+
+/// All that grows with the samples.
+std::vector<std::span<std::byte>> Session::state() {
+  std::vector<std::span<std::byte>> parts{frame_.guessBytes(), frame_.differenceBytes()};
+  if (features_) parts.push_back(features_->bytes());
+  if (direct_) parts.push_back(direct_->bytes());
+  if (firstHits_) parts.push_back(firstHits_->bytes());
+  return parts;
+}
+
+void Session::saveCheckpoint(const std::filesystem::path& path, std::uint64_t key,
+                             std::uint32_t frame) {
+  CheckpointHeader header;
+  header.key = key;
+  header.frame = frame;
+  header.samplesDone = report_.samplesDone;
+  header.tilesDone = static_cast<std::uint32_t>(tilesDone_);
+  header.errorCheck = errorCheck_;
+  header.renderSeconds = report_.renderSeconds;
+  header.error = error_;
+  header.rays = report_.rays;
+  header.nonFinite = frame_.nonFiniteCount();
+  header.nonFiniteSamples = frame_.nonFiniteSamples();
+  writeCheckpoint(path, header, state());
+}
+
+void Session::restoreCheckpoint(CheckpointReader& reader) {
+  reader.read(state());
+  const CheckpointHeader& header = reader.header();
+  if (header.tilesDone > tiles_.size()) reader.refuse("more tiles than the frame has");
+  report_.samplesDone = header.samplesDone;
+  report_.renderSeconds = header.renderSeconds;
+  report_.rays = header.rays;
+  tilesDone_ = header.tilesDone;
+  errorCheck_ = header.errorCheck;
+  error_ = header.error;
+  frame_.restoreNonFinite(header.nonFinite, header.nonFiniteSamples);
+  if (!voxels_) return;
+  // Photons are traced again in the same rounds: guides learn from one round for the next.
+  const std::uint64_t pixels = std::uint64_t{settings_.width} * settings_.height;
+  for (std::uint32_t s = 0; s < header.samplesDone; ++s)
+    voxels_->light->run(photonTarget(s, pixels));
 }
 
 }  // namespace trex

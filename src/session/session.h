@@ -14,8 +14,10 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -23,6 +25,7 @@
 #include "src/frame/accumulator.h"
 #include "src/frame/features.h"
 #include "src/frame/image_file.h"
+#include "src/frame/layers.h"
 #include "src/frame/tiles.h"
 #include "src/grays/grays.h"
 #include "src/session/model.h"
@@ -31,18 +34,16 @@
 namespace trex {
 
 class LightPass;
-
-/// Layers of a picture besides its R, G, B.
-struct PictureLayers {
-  bool variance = false;     ///< variance.R, .G, .B: of the mean, before any filter
-  bool sampleCount = false;  ///< sampleCount
-  bool features = false;     ///< albedo.R .. .B, normal.X .. .Z, position.X .. .Z (render space)
-};
+class CheckpointReader;
 
 /// Seconds by phase, counts and memory, for --json and the progress line.
 struct SessionReport {
   double meshSeconds = 0, voxelSeconds = 0, deviceSeconds = 0, aimSeconds = 0;  ///< set-up
-  double renderSeconds = 0, photonSeconds = 0;
+  double renderSeconds = 0;    ///< in run(), and aiming photons before
+  double photonSeconds = 0;    ///< of these
+  double filterSeconds = 0;    ///< of the last picture()
+  double estimatedError = -1;  ///< Accumulator::estimatedError(); negative: not known yet
+  std::uint64_t deviceBytes = 0;
   std::uint32_t samplesDone = 0;  ///< complete passes
   std::uint64_t photons = 0, photonsLanded = 0, nonFinite = 0;
   RayCounts rays;
@@ -69,13 +70,21 @@ class Session {
   /// Renders until the goal is reached or keepGoing says no. Called again it goes on where it
   /// stopped, in the middle of a pass too; only the time inside counts.
   void run(const KeepGoing& keepGoing);
-  /// Whether the samples or the seconds of the settings are reached.
+  /// Whether the samples, the seconds or the error of the settings are reached.
   bool goalReached() const;
 
+  /// Writes all that is needed to go on later with the same bits: see checkpoint.h. `key` names the
+  /// job. Throws Error(kOutput).
+  void saveCheckpoint(const std::filesystem::path& path, std::uint64_t key, std::uint32_t frame);
+  /// Goes on from such a file. To be called before run(). Throws Error(kInput).
+  void restoreCheckpoint(CheckpointReader& reader);
+
   /// The frame so far: R, G, B (filtered, if the settings ask for it), and the layers.
-  Picture picture() const;
+  Picture picture();
   SessionReport report() const;
   const Accumulator& frame() const { return frame_; }
+  /// World position of the origin of render space, metres.
+  dvec3 renderOrigin() const { return model_->rays->renderOrigin(); }
   /// Complete passes so far.
   std::uint32_t samplesDone() const { return report_.samplesDone; }
 
@@ -85,10 +94,14 @@ class Session {
 
   void prepareVoxels();
   bool pass(const KeepGoing& keepGoing);
+  void add(const TileWork& work, std::uint32_t column, std::uint32_t row);
+  std::vector<std::span<std::byte>> state();
   void trace(const Tile& tile, std::uint32_t sample, TileWork& work);
   void merge(TileWork& work);
   double progress() const;
-  std::vector<vec3> shown() const;
+  std::vector<vec3> shown();
+  double timeLimit() const;
+  void addLayers(std::uint32_t x, std::uint32_t y, std::vector<float>& values) const;
   double elapsed() const;
 
   RenderSettings settings_;
@@ -100,10 +113,16 @@ class Session {
   std::unique_ptr<CameraRays> camera_;
   std::unique_ptr<Integrator> integrator_;
   Accumulator frame_;
-  std::unique_ptr<FeatureImage> features_;  ///< null where nobody asks
+  // Null where nobody asks for them.
+  std::unique_ptr<FeatureImage> features_;
+  std::unique_ptr<DirectImage> direct_;
+  std::unique_ptr<FirstHitImage> firstHits_;
   std::vector<Tile> tiles_;
-  std::size_t tilesDone_ = 0;  ///< of the pass under way
-  double start_ = 0.0;         ///< of this run(), less what earlier ones took
+  std::size_t tilesDone_ = 0;      ///< of the pass under way
+  std::uint32_t errorCheck_ = 16;  ///< samples at which the error is estimated next
+  double error_ = kInfinity;       ///< as estimated last
+  double filterEstimate_ = 0.0;    ///< seconds that the filter will take
+  double start_ = 0.0;             ///< of this run(), less what earlier ones took
 };
 
 }  // namespace trex

@@ -20,12 +20,14 @@ struct RenderSettings {
   std::uint32_t width = 640, height = 360;
   std::uint32_t samples = 0;  ///< a pixel; 0: no limit
   double seconds = 0.0;       ///< of rendering after set-up; 0: no limit
+  double error = 0.0;         ///< estimated relMSE of the noise to stop at; 0: no limit
   double exact = 0.0;         ///< share of samples traced exactly, [0, 1]
   std::uint32_t seed = 0;
   int device = kBestDevice;  ///< number of a Vulkan device, or one of the above
   GuessKind guess = GuessKind::kAuto;
-  bool denoise = false;         ///< filter the guess; only with exact = 0
-  std::uint64_t maxMemory = 0;  ///< bytes this process may use; 0: what the machine has
+  bool denoise = false;            ///< filter the guess; only with exact = 0
+  std::uint64_t maxMemory = 0;     ///< bytes this process may use; 0: what the machine has
+  std::uint64_t maxGpuMemory = 0;  ///< bytes of device memory; 0: what the device has
 };
 
 }  // namespace trex

@@ -60,7 +60,15 @@ void submitCommands(Device::Impl& d, VkCommandBuffer commands, VkFence fence) {
   info.sType = VK_STRUCTURE_TYPE_SUBMIT_INFO;
   info.commandBufferCount = 1;
   info.pCommandBuffers = &commands;
-  d.check(d.f.vkQueueSubmit(d.queue, 1, &info, fence), "submitting work");
+  const bool fails = Device::Impl::failsNow(d.submits, d.options.failSubmit);
+  d.check(fails ? VK_ERROR_DEVICE_LOST : d.f.vkQueueSubmit(d.queue, 1, &info, fence),
+          "submitting work");
+}
+
+void waitForFence(Device::Impl& d, VkFence fence, const char* what) {
+  const VkResult result = d.f.vkWaitForFences(d.device, 1, &fence, VK_TRUE, UINT64_MAX);
+  const bool fails = Device::Impl::failsNow(d.waits, d.options.failWait);
+  d.check(fails ? VK_ERROR_DEVICE_LOST : result, what);
 }
 
 }  // namespace
@@ -84,6 +92,7 @@ void OneShot::release() {
 }
 
 void OneShot::begin() {
+  d_.requireAlive("recording a copy");
   d_.check(d_.f.vkResetCommandPool(d_.device, pool_, 0), "resetting commands");
   beginCommands(d_, commands_);
 }
@@ -92,7 +101,7 @@ void OneShot::run() {
   fullBarrier(d_.f, commands_);
   d_.check(d_.f.vkEndCommandBuffer(commands_), "recording a copy");
   submitCommands(d_, commands_, fence_);
-  d_.check(d_.f.vkWaitForFences(d_.device, 1, &fence_, VK_TRUE, UINT64_MAX), "waiting for a copy");
+  waitForFence(d_, fence_, "waiting for a copy");
   d_.check(d_.f.vkResetFences(d_.device, 1, &fence_), "resetting a fence");
 }
 
@@ -146,6 +155,7 @@ void Batch::dispatch(const Kernel& kernel, const Bindings& bindings,
                      std::span<const std::byte> pushConstants, std::uint32_t groups) {
   Device::Impl& d = *impl_->d;
   const Kernel::Impl& k = kernel.impl();
+  d.requireAlive("recording " + k.name);
   assert(!impl_->submitted && pushConstants.size() == k.pushBytes);
   assert(groups <= d.info.maxWorkgroupCount);
   if (impl_->recorded == impl_->slices.size()) {
@@ -168,11 +178,20 @@ void Batch::dispatch(const Kernel& kernel, const Bindings& bindings,
 }
 
 void Batch::submit() {
+  impl_->d->requireAlive("submitting work");
   assert(!impl_->submitted);
   if (impl_->recorded == 0) return;
-  for (std::size_t i = 0; i < impl_->recorded; ++i) {
-    const bool last = i + 1 == impl_->recorded;
-    submitCommands(*impl_->d, impl_->slices[i], last ? impl_->fence : VK_NULL_HANDLE);
+  try {
+    for (std::size_t i = 0; i < impl_->recorded; ++i) {
+      const bool last = i + 1 == impl_->recorded;
+      submitCommands(*impl_->d, impl_->slices[i], last ? impl_->fence : VK_NULL_HANDLE);
+    }
+  } catch (...) {
+    // Slices before the one that failed may still run, and no fence tells of their end.
+    impl_->d->f.vkDeviceWaitIdle(impl_->d->device);
+    impl_->d->f.vkResetCommandPool(impl_->d->device, impl_->pool, 0);
+    impl_->recorded = 0;
+    throw;
   }
   impl_->submitted = true;
 }
@@ -180,8 +199,8 @@ void Batch::submit() {
 void Batch::wait() {
   Device::Impl& d = *impl_->d;
   if (!impl_->submitted) return;
-  d.check(d.f.vkWaitForFences(d.device, 1, &impl_->fence, VK_TRUE, UINT64_MAX),
-          "waiting for the work submitted");
+  d.requireAlive("waiting for the work submitted");
+  waitForFence(d, impl_->fence, "waiting for the work submitted");
   impl_->submitted = false;
   impl_->recorded = 0;
   d.check(d.f.vkResetFences(d.device, 1, &impl_->fence), "resetting a fence");

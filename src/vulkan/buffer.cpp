@@ -83,7 +83,9 @@ Buffer::Buffer(Device& device, const std::string& name, std::uint64_t bytes, Pla
     allocate.sType = VK_STRUCTURE_TYPE_MEMORY_ALLOCATE_INFO;
     allocate.allocationSize = needs.size;
     allocate.memoryTypeIndex = chooseType(d, needs.memoryTypeBits, place);
-    d.check(d.f.vkAllocateMemory(d.device, &allocate, nullptr, &b.memory),
+    const bool fails = Device::Impl::failsNow(d.allocations, d.options.failAllocation);
+    d.check(fails ? VK_ERROR_OUT_OF_DEVICE_MEMORY
+                  : d.f.vkAllocateMemory(d.device, &allocate, nullptr, &b.memory),
             fmt::format("allocating {} bytes for {}", needs.size, name));
     b.allocated = needs.size;
     d.allocatedBytes += b.allocated;

@@ -55,8 +55,9 @@ std::uint64_t Device::Impl::maxBytes() const {
   return options.maxBytes > 0 ? std::min(options.maxBytes, info.heapBytes) : info.heapBytes;
 }
 
-void Device::Impl::check(VkResult result, const std::string& what) const {
+void Device::Impl::check(VkResult result, const std::string& what) {
   if (result == VK_SUCCESS) return;
+  lost = lost || result == VK_ERROR_DEVICE_LOST;
   fail(ExitCode::kMemoryOrDevice,
        "{} on {}: {} (VkResult {}); {} MiB of {} MiB are in use; try a smaller `--max-gpu-memory`, "
        "another `--device N`, or `--device none`",

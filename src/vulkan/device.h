@@ -20,10 +20,21 @@ struct Device::Impl {
   DeviceOptions options;
   StartTimes times;
   std::uint64_t allocatedBytes = 0;
+  bool lost = false;
+  std::uint64_t allocations = 0, submits = 0,
+                waits = 0;  ///< calls so far, for DeviceOptions::fail*
 
+  /// Counts a call; true if it is to fail.
+  static bool failsNow(std::uint64_t& calls, std::uint64_t first) {
+    return ++calls >= first && first > 0;
+  }
   std::uint64_t maxBytes() const;
   /// Throws unless result is VK_SUCCESS, naming the device.
-  void check(VkResult result, const std::string& what) const;
+  void check(VkResult result, const std::string& what);
+  /// Throws if the device was lost before: its objects may be in any state.
+  void requireAlive(const std::string& what) {
+    if (lost) check(VK_ERROR_DEVICE_LOST, what);
+  }
   ~Impl();
 };
 

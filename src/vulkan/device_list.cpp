@@ -116,6 +116,12 @@ DeviceInfo describe(const InstanceFunctions& f, VkPhysicalDevice device, int ind
   return info;
 }
 
+std::string loaderVersion() {
+  std::uint32_t version = 0;
+  check(globalFunctions().vkEnumerateInstanceVersion(&version), "asking for Vulkan's version");
+  return versionText(version);
+}
+
 std::vector<DeviceInfo> listDevices() {
   const std::shared_ptr<Instance> instance = Instance::get();
   std::vector<DeviceInfo> list;

@@ -49,6 +49,9 @@ struct DeviceInfo {
 /// if TREX_VALIDATION asks for a layer that is not installed.
 std::vector<DeviceInfo> listDevices();
 
+/// Highest version of Vulkan that the loader speaks, "1.3.239". Throws if the loader is missing.
+std::string loaderVersion();
+
 /// Messages of the validation layer in this process so far (warnings and errors).
 std::uint64_t validationMessages();
 
@@ -57,6 +60,9 @@ struct DeviceOptions {
   std::uint64_t maxBytes = 0;               ///< `--max-gpu-memory`; 0: the heap's size
   std::uint64_t maxStorageBufferRange = 0;  ///< lowers the device's limit (tests); 0: its own
   bool forceStaging = false;                ///< treat device memory as not host visible (tests)
+  /// Failures to simulate (tests): from the n-th call on, counted from 1; 0: none. Allocations end
+  /// in "out of device memory", submits and waits in "device lost".
+  std::uint64_t failAllocation = 0, failSubmit = 0, failWait = 0;
 };
 
 /// Seconds spent on starting, for reports.

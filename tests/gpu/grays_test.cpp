@@ -32,29 +32,37 @@ TEST_P(DeviceGather, EqualsCpu) {
     tracer->tracePhotons(records, 1e-6);
     tracer->resolveLight(records.size());
   }
-  const auto expected = gather(*cpu, queries);
   const auto results = gather(*device, queries);
-  ASSERT_EQ(results.size(), expected.size());
+  ASSERT_EQ(results.size(), queries.size());
 
-  // Rounding differs between compilers, so a cone in a thousand may take another cell at an edge.
-  double sum = 0.0, expectedSum = 0.0;
+  // Cones are compared one by one over the light that the device's own photons left: those may take
+  // other paths than the CPU's. Rounding differs, so a cone in 500 may take another cell at an
+  // edge.
+  const asvo::Tracer oracle(tree, device->light());
   std::size_t different = 0;
   for (std::size_t i = 0; i < results.size(); ++i) {
     ASSERT_TRUE(std::isfinite(results[i].radiance.x) && results[i].radiance.x >= 0.0f);
     ASSERT_TRUE(results[i].transmittance >= 0.0f && results[i].transmittance <= 1.0f);
-    if ((queries[i].flags & shaderio::kQueryShadow) != 0) {
+    const GatherQuery& q = queries[i];
+    const bool lit = (q.flags & shaderio::kQueryShadow) == 0;
+    if (!lit) {
       EXPECT_EQ(results[i].radiance, glm::vec3(0.0f));
     }
-    sum += results[i].radiance.x;
-    expectedSum += expected[i].radiance.x;
-    const float scale = std::max(expected[i].radiance.x, 1e-3f);
-    const bool same = std::abs(results[i].radiance.x - expected[i].radiance.x) < 0.05f * scale &&
-                      std::abs(results[i].transmittance - expected[i].transmittance) < 1e-3f;
+    const auto cone =
+        oracle.asvoMarch(q.origin, q.direction, q.tanHalf, q.tmin, q.tmax, q.jitter, lit);
+    const float scale = std::max(cone.radiance.x, 1e-3f);
+    const bool same = std::abs(results[i].radiance.x - cone.radiance.x) < 0.01f * scale &&
+                      std::abs(results[i].transmittance - cone.transmittance) < 1e-3f;
     different += same ? 0 : 1;
   }
+  EXPECT_LE(different, results.size() / 500);
+
+  // Photons that scatter elsewhere are noise, which all cones together average out.
+  double sum = 0.0, expectedSum = 0.0;
+  for (const GatherResult& r : results) sum += r.radiance.x;
+  for (const GatherResult& r : gather(*cpu, queries)) expectedSum += r.radiance.x;
   EXPECT_GT(expectedSum, 0.0);
   EXPECT_NEAR(sum / expectedSum, 1.0, 2e-3);
-  EXPECT_LT(different, results.size() / 500);
 }
 
 // The CPU tracer starts its descents from a grid; asvo::Tracer, which has none, is the oracle.

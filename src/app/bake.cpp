@@ -1,0 +1,226 @@
+// trex bake INPUT -o X.trex: imports, compresses, voxelises, and keeps the result in one file.
+#include <fmt/format.h>
+#include <tbb/global_control.h>
+
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+
+#include "src/app/app.h"
+#include "src/app/interrupt.h"
+#include "src/bundle/bundle.h"
+#include "src/core/error.h"
+#include "src/core/file.h"
+#include "src/core/log.h"
+#include "src/core/memory.h"
+
+namespace trex {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct BakeArguments {
+  std::string input, output, environment, maxMemory;
+  int depth = 8, precision = 24, threads = 0;
+  bool noVoxels = false, json = false;
+};
+
+/// Seconds by phase, for --json.
+class Phases {
+ public:
+  /// Ends the phase under way and names the next.
+  void next(const char* name) {
+    const double at = now();
+    if (!current_.empty()) seconds_[current_ + "_seconds"] = at - since_;
+    current_ = name;
+    since_ = at;
+  }
+  void set(const std::string& name, double seconds) { seconds_[name + "_seconds"] = seconds; }
+  nlohmann::ordered_json json() const {
+    nlohmann::ordered_json out = seconds_;
+    out["total_seconds"] = now() - start_;
+    return out;
+  }
+
+ private:
+  static double now() {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch())
+        .count();
+  }
+  nlohmann::ordered_json seconds_ = nlohmann::ordered_json::object();
+  std::string current_;
+  double start_ = now(), since_ = start_;
+};
+
+/// Only a bundle may be replaced; says which.
+void checkTarget(const fs::path& target) {
+  std::error_code error;
+  const std::uintmax_t bytes = fs::file_size(target, error);
+  if (error) return;
+  char start[8] = {};
+  std::ifstream(target, std::ios::binary).read(start, sizeof(start));
+  if (!bundle::hasBundleMagic(std::as_bytes(std::span(start)))) {
+    fail(ExitCode::kOutput, "{}: exists and is not a trex bundle; remove it or name another file",
+         target.string());
+  }
+  logInfo("{}: replacing a bundle of {}", target.string(), formatBytes(bytes));
+}
+
+void checkArguments(const BakeArguments& a) {
+  if (!isBundlePath(a.output)) {
+    fail(ExitCode::kUsage, "-o {}: a bundle's name ends in .trex", a.output);
+  }
+  if (isBundlePath(a.input)) {
+    fail(ExitCode::kUsage, "{}: is a bundle; bake the model that it was made from", a.input);
+  }
+  checkWritable(a.output);
+  checkTarget(a.output);
+  for (const fs::path& path : removeDeadTemporaries(a.output)) {
+    logInfo("{}: removed what an interrupted bake left", path.string());
+  }
+}
+
+/// Refuses before anything large is allocated.
+void checkBudget(const BakeArguments& a, const Scene& scene) {
+  constexpr std::uint64_t kMeshBytesATriangle = 120;  // source, clusters and build, measured peak
+  constexpr std::uint64_t kVoxelBytesALeaf = 3 * 74, kVoxelBytesATriangle = 16;
+  const std::uint64_t mesh = scene.uniqueTriangleCount() * kMeshBytesATriangle;
+  const std::uint64_t leaves = std::min<std::uint64_t>(1'300'000, 6ull << (2 * a.depth));
+  const std::uint64_t voxels =
+      a.noVoxels ? 0 : leaves * kVoxelBytesALeaf + scene.triangleCount() * kVoxelBytesATriangle;
+  const std::uint64_t limit =
+      a.maxMemory.empty() ? availableMemoryLimit() : parseBytes(a.maxMemory);
+  if (mesh + voxels > limit) {
+    fail(ExitCode::kMemoryOrDevice,
+         "needs about {} ({} for meshes, {} for voxels), allowed are {}; make --depth smaller or "
+         "--max-memory larger",
+         formatBytes(mesh + voxels), formatBytes(mesh), formatBytes(voxels), formatBytes(limit));
+  }
+}
+
+nlohmann::ordered_json bytesByPart(const std::vector<bundle::Section>& sections) {
+  nlohmann::ordered_json out = {{"scene_bytes", 0},
+                                {"hccmesh_bytes", 0},
+                                {"emitter_bytes", 0},
+                                {"voxel_bytes", 0},
+                                {"texture_bytes", 0}};
+  for (const bundle::Section& s : sections) {
+    const char* part = s.name == "scene.json"      ? "scene_bytes"
+                       : s.name.ends_with(".hccm") ? "hccmesh_bytes"
+                       : s.name == "emitters.bin"  ? "emitter_bytes"
+                       : s.name == "voxels.asvo"   ? "voxel_bytes"
+                                                   : "texture_bytes";
+    out[part] = out[part].get<std::uint64_t>() + s.bytes;
+  }
+  return out;
+}
+
+void report(const BakeArguments& a, const Model& model, const Phases& phases,
+            const std::vector<bundle::Section>& sections) {
+  const std::uint64_t bytes = fs::file_size(a.output);
+  if (!a.json) {
+    fmt::print("{} {} bytes\n", a.output, bytes);
+    return;
+  }
+  const RayScene::Statistics mesh = model.rays->statistics();
+  nlohmann::ordered_json out = {{"input", a.input},
+                                {"output", a.output},
+                                {"bytes", bytes},
+                                {"triangles", mesh.triangles},
+                                {"unique_triangles", mesh.uniqueTriangles},
+                                {"instances", mesh.instances},
+                                {"voxel_depth", model.voxels ? model.voxels->info.depth : 0}};
+  out.update(bytesByPart(sections));
+  out.update(phases.json());
+  out["peak_resident_bytes"] = peakResidentBytes();
+  fmt::print("{}\n", out.dump(2));
+}
+
+Scene import(const BakeArguments& a, std::vector<SourceFile>& files) {
+  ImportOptions options;
+  options.environmentGiven = !a.environment.empty();
+  Scene scene = importScene(a.input, options);
+  files = scene.files;
+  if (a.environment.empty()) return scene;
+  std::error_code error;
+  if (fs::is_regular_file(a.environment, error)) files.push_back(examineSource(a.environment));
+  scene.environment = parseEnvironment(a.environment);
+  return scene;
+}
+
+/// The file is written under interrupts that leave no rest.
+std::vector<bundle::Section> write(const BakeArguments& a, const Model& model,
+                                   const BakeFacts& facts) {
+  std::signal(SIGXFSZ, SIG_IGN);  // a file beyond the limit is an error of write() then
+  catchInterrupts();
+  try {
+    return saveBundle(a.output, model, facts,
+                      [](std::uint64_t, std::uint64_t) { return interruptedBy() == 0; });
+  } catch (const Error& e) {
+    if (e.code() != ExitCode::kInterrupted) throw;
+    throw Error(static_cast<ExitCode>(128 + interruptedBy()), e.what());
+  }
+}
+
+void bake(const BakeArguments& a) {
+  checkArguments(a);
+  std::optional<tbb::global_control> limit;
+  if (a.threads > 0) {
+    limit.emplace(tbb::global_control::max_allowed_parallelism,
+                  static_cast<std::size_t>(a.threads));
+  }
+  Phases phases;
+  phases.next("import");
+  std::vector<SourceFile> files;
+  Scene scene = import(a, files);
+  checkBudget(a, scene);
+  logInfo("{}: {} triangles, {} unique; compressing{}", a.input, scene.triangleCount(),
+          scene.uniqueTriangleCount(), a.noVoxels ? "" : " and voxelising");
+  BakeFacts facts;
+  facts.input = a.input;
+  facts.requirements = bundle::requirementsOf(scene, !a.noVoxels);
+  ModelOptions options;
+  options.voxels = !a.noVoxels;
+  options.voxelDepth = facts.voxelDepth = a.depth;
+  options.precisionBits = facts.precisionBits = a.precision;
+  phases.next("build");
+  const Model model = makeModel(std::move(scene), options);
+  phases.set("mesh_build", model.meshSeconds);
+  phases.set("voxel_build", model.voxelSeconds);
+  phases.next("hash");
+  facts.files = hashSources(files, a.output);
+  phases.next("write");
+  logInfo("{}: writing", a.output);
+  const std::vector<bundle::Section> sections = write(a, model, facts);
+  phases.next("");
+  report(a, model, phases, sections);
+}
+
+}  // namespace
+
+void addBakeCommand(CLI::App& app) {
+  auto a = std::make_shared<BakeArguments>();
+  CLI::App* c = app.add_subcommand("bake", "Make a model ready for rays and keep it in one file");
+  c->add_option("INPUT", a->input, "Model: .gltf .glb .ply .obj")->required();
+  c->add_option("-o,--output", a->output, "Bundle: X.trex")->required();
+  c->add_option("--depth", a->depth, "Levels of voxels below the root")
+      ->check(CLI::Range(1, static_cast<int>(asvo::ASVO_MAX_DEPTH)))
+      ->capture_default_str();
+  c->add_option("--precision", a->precision, "Grid cells along a mesh's largest extent: 2^BITS")
+      ->check(CLI::Range(8, 24))
+      ->capture_default_str();
+  c->add_option("--env", a->environment, "Environment: R,G,B or a latitude-longitude .hdr or .exr");
+  c->add_flag("--no-voxels", a->noVoxels, "Leave voxels out: every sample will be exact");
+  c->add_option("--max-memory", a->maxMemory, "Memory this process may use, such as 8G [all]");
+  c->add_option("--threads", a->threads, "CPU threads [all]")->check(CLI::Range(1, 4096));
+  c->add_flag("--json", a->json, "Print a JSON summary on stdout");
+  c->callback([a] { bake(*a); });
+}
+
+}  // namespace trex

@@ -1,0 +1,232 @@
+// trex bench: figures of this program on this machine.
+#include <fmt/format.h>
+#include <tbb/global_control.h>
+
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <optional>
+
+#include "src/app/app.h"
+#include "src/app/bench_tradeoff.h"
+#include "src/app/interrupt.h"
+#include "src/app/render_arguments.h"
+#include "src/app/report_html.h"
+#include "src/core/error.h"
+#include "src/core/file.h"
+
+namespace trex {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+/// A report of dozens of scenes with pictures is far below this.
+constexpr std::uintmax_t kMostReportBytes = std::uintmax_t{1} << 30;
+
+struct BenchArguments {
+  std::vector<std::string> scenes, references, environments;
+  std::vector<double> shares{0.0, 0.05, 0.25, 1.0};
+  double seconds = 60.0, referenceSeconds = 0.0;
+  int threads = 0;
+  RenderArguments render;
+  std::string from, html, json, svg;
+};
+
+std::string nameOf(const std::string& scene) { return fs::path(scene).stem().string(); }
+
+/// The reference of scene `i`: from a folder, from the list, or "auto".
+std::string referenceOf(const BenchArguments& a, std::size_t i) {
+  const auto& given = a.references;
+  if (given.empty() || (given.size() == 1 && given[0] == "auto")) return "auto";
+  if (given.size() == 1 && fs::is_directory(given[0])) {
+    return (fs::path(given[0]) / (nameOf(a.scenes[i]) + ".exr")).string();
+  }
+  if (given.size() != a.scenes.size()) {
+    fail(ExitCode::kUsage, "--reference: {} given for {} scenes; give one each, a folder or auto",
+         given.size(), a.scenes.size());
+  }
+  return given[i];
+}
+
+/// "NAME=E" for one scene goes before "E" for all.
+std::string environmentOf(const BenchArguments& a, const std::string& name) {
+  std::string all;
+  for (const std::string& text : a.environments) {
+    const std::size_t at = text.find('=');
+    if (at == std::string::npos) {
+      all = text;
+    } else if (text.substr(0, at) == name) {
+      return text.substr(at + 1);
+    }
+  }
+  return all;
+}
+
+void checkEnvironments(const BenchArguments& a) {
+  for (const std::string& text : a.environments) {
+    const std::size_t at = text.find('=');
+    if (at == std::string::npos) continue;
+    bool known = false;
+    for (const std::string& scene : a.scenes) known |= nameOf(scene) == text.substr(0, at);
+    if (!known) fail(ExitCode::kUsage, "--env {}: no scene has this name", text);
+  }
+}
+
+TradeoffArguments readArguments(BenchArguments& a) {
+  if (a.scenes.empty()) fail(ExitCode::kUsage, "SCENE: name a model, or a report with --from");
+  if (std::isnan(a.seconds) || std::isnan(a.referenceSeconds)) {
+    fail(ExitCode::kUsage, "--seconds nan: want seconds");
+  }
+  for (double share : a.shares) {
+    if (!(share >= 0.0 && share <= 1.0)) fail(ExitCode::kUsage, "--exact {}: want 0 to 1", share);
+  }
+  checkEnvironments(a);
+  readSettings(a.render);
+  TradeoffArguments out{{}, a.shares, a.seconds, a.referenceSeconds, a.render.settings};
+  out.settings.samples = 0;  // time alone ends a run
+  if (out.referenceSeconds <= 0.0) out.referenceSeconds = 4.0 * a.seconds;
+  for (std::size_t i = 0; i < a.scenes.size(); ++i) {
+    out.scenes.push_back({a.scenes[i], referenceOf(a, i), environmentOf(a, nameOf(a.scenes[i]))});
+  }
+  return out;
+}
+
+json readReport(const std::string& path) {
+  std::error_code error;
+  const std::uintmax_t size = fs::file_size(path, error);
+  if (error || size > kMostReportBytes) {
+    fail(ExitCode::kInput, "{}: not a report that can be read", path);
+  }
+  std::ifstream file(path);
+  json document = json::parse(file, nullptr, false);
+  if (!document.is_object() || document.value("bench", json()) != "tradeoff") {
+    fail(ExitCode::kInput, "{}: not a report of trex bench tradeoff", path);
+  }
+  return document;
+}
+
+void writeText(const fs::path& path, const std::string& text) {
+  writeAtomically(path, [&](const fs::path& temporary) {
+    std::ofstream file(temporary, std::ios::binary);
+    file << text;
+    file.close();
+    if (!file) fail(ExitCode::kOutput, "{}: can't be written", path.string());
+  });
+}
+
+/// Names of scenes may come from a report's text; they must not lead out of the folder.
+void writeCharts(const fs::path& folder, const json& document) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) fail(ExitCode::kOutput, "{}: {}", folder.string(), error.message());
+  for (const json& scene : document.at("scenes")) {
+    const std::string name = fs::path(scene.at("name").get<std::string>()).filename().string();
+    for (const char* metric : {"relmse", "flip"}) {
+      writeText(folder / fmt::format("{}-{}.svg", name, metric), tradeoffSvg(scene, metric));
+    }
+  }
+}
+
+void printTable(const json& document) {
+  for (const json& scene : document.at("scenes")) {
+    fmt::print("{}\n", scene.at("name").get<std::string>());
+    for (const json& run : scene.at("runs")) {
+      for (const json& p : run.at("points")) {
+        fmt::print(
+            "  exact {:<5g} {:8.2f} s {:7} samples  relMSE {:<10.4g} FLIP {:.4f}  mean "
+            "ratio {:.4f}\n",
+            run.at("exact").get<double>(), p.at("seconds").get<double>(),
+            p.at("samples").get<std::uint32_t>(), p.at("relmse").get<double>(),
+            p.at("flip").get<double>(), p.at("mean_ratio").get<double>());
+      }
+    }
+  }
+}
+
+void writeOutputs(const BenchArguments& a, const json& document) {
+  if (!a.json.empty() && a.json != "-") writeText(a.json, document.dump(1) + "\n");
+  try {
+    if (!a.html.empty()) writeText(a.html, tradeoffHtml(document));
+    if (!a.svg.empty()) writeCharts(a.svg, document);
+    if (a.json == "-") {
+      fmt::print("{}\n", document.dump(1));
+    } else if (a.from.empty()) {
+      printTable(document);
+    }
+  } catch (const json::exception& e) {
+    fail(ExitCode::kInput, "{}: a report that lacks something: {}", a.from, e.what());
+  }
+  std::fflush(stdout);
+}
+
+int tradeoff(BenchArguments& a) {
+  for (const std::string& path : {a.html, a.json}) {
+    if (!path.empty() && path != "-") checkWritable(path);
+  }
+  if (!a.from.empty()) {
+    if (!a.scenes.empty()) fail(ExitCode::kUsage, "--from and SCENE: give one of them");
+    writeOutputs(a, readReport(a.from));
+    return 0;
+  }
+  const TradeoffArguments arguments = readArguments(a);
+  std::optional<tbb::global_control> limit;
+  if (a.threads > 0) {
+    limit.emplace(tbb::global_control::max_allowed_parallelism,
+                  static_cast<std::size_t>(a.threads));
+    setenv("LP_NUM_THREADS", std::to_string(a.threads).c_str(), 0);  // lavapipe's own threads
+  }
+  catchInterrupts();
+  writeOutputs(a, benchTradeoff(arguments));
+  const int signal = interruptedBy();
+  return signal == 0 ? 0 : 128 + signal;
+}
+
+}  // namespace
+
+void addBenchCommand(CLI::App& app, int& exitCode) {
+  auto a = std::make_shared<BenchArguments>();
+  CLI::App* bench = app.add_subcommand("bench", "Measure this program on this machine");
+  bench->require_subcommand(1);
+  CLI::App* c =
+      bench->add_subcommand("tradeoff", "Error over time for several shares of exactness");
+  c->add_option("SCENE", a->scenes, "Models: .gltf .glb .ply .obj");
+  c->add_option(
+       "--reference", a->references,
+       "Reference picture: one a scene, a folder with NAME.exr, or auto: exact mode [auto]")
+      ->allow_extra_args(false);
+  c->add_option("--seconds", a->seconds, "Seconds of each run, start-up not counted")
+      ->check(CLI::Range(0.01, 1e6))
+      ->capture_default_str();
+  c->add_option("--reference-seconds", a->referenceSeconds,
+                "Seconds of a reference that is rendered [4 times --seconds]")
+      ->check(CLI::Range(0.0, 1e6));
+  a->render.size = "256x256";
+  c->add_option("--size", a->render.size, "WxH in pixels")->capture_default_str();
+  c->add_option("--exact", a->shares, "Shares of samples traced exactly, 0 to 1")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->capture_default_str();
+  c->add_option("--env", a->environments, "Environment for all scenes, or NAME=E for one")
+      ->allow_extra_args(false);
+  c->add_option("--device", a->render.device, "Vulkan device: number, auto or none")
+      ->capture_default_str();
+  c->add_option("--guess", a->render.guess, "Guess of far, wide rays: auto, ray or cone")
+      ->check(CLI::IsMember({"auto", "ray", "cone"}))
+      ->capture_default_str();
+  c->add_option("--denoise", a->render.denoise, "Filter the guess: auto (with exact 0), off")
+      ->check(CLI::IsMember({"auto", "off"}))
+      ->capture_default_str();
+  c->add_option("--seed", a->render.settings.seed, "Seed of all random numbers")
+      ->capture_default_str();
+  c->add_option("--threads", a->threads, "CPU threads [all]")->check(CLI::Range(1, 4096));
+  c->add_option("--json", a->json, "Write the document to this file; - is stdout");
+  c->add_option("--html", a->html, "Write a page with curves, pictures and tables");
+  c->add_option("--svg", a->svg, "Write the curves of each scene into this folder");
+  c->add_option("--from", a->from, "Draw the document of an earlier run again");
+  c->callback([a, &exitCode] { exitCode = tradeoff(*a); });
+}
+
+}  // namespace trex

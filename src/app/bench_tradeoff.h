@@ -1,0 +1,43 @@
+// Speed against accuracy: error over time for several shares of exact samples.
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "src/frame/image_diff.h"
+#include "src/session/settings.h"
+
+namespace trex {
+
+/// One scene of the bench.
+struct TradeoffScene {
+  std::string input;        ///< model file
+  std::string reference;    ///< picture file, or "auto": rendered by the exact mode, another seed
+  std::string environment;  ///< as of `trex render --env`; empty: the scene's
+};
+
+struct TradeoffArguments {
+  std::vector<TradeoffScene> scenes;
+  std::vector<double> shares;  ///< of exact samples, [0, 1]
+  double seconds = 60.0;       ///< of each run
+  double referenceSeconds = 0.0;
+  RenderSettings settings;  ///< size, seed, device, guess, filter; the rest is set here
+};
+
+/// Renders every scene with every share. A run stops at 0.25, 0.5, 1, 2, ... seconds, is scored and
+/// goes on; scoring does not count as time, the filter of each picture does. Scores are those of
+/// compareImages, relMSE without the largest 0.1 % of its terms; where NAME.clean.exr lies beside
+/// the reference NAME.exr, FLIP is taken against it. An interrupt ends the bench with what is done.
+///
+/// The document: {"bench": "tradeoff", "machine": {..}, "settings": {..}, "scenes": [{"name",
+/// "input", "environment", "reference": {..}, "setup": {..}, "runs": [{"exact", "points":
+/// [{"seconds", "samples", "relmse", "flip", "mean_ratio", ..}], "slope", ..}], "peers": []}]}.
+/// Throws Error.
+nlohmann::json benchTradeoff(const TradeoffArguments& arguments);
+
+/// Exponent s of error ~ seconds^s, fitted to the logarithms of the last half of the points; null
+/// for fewer than two of them or an error that is not positive. Unbiased sampling has -1.
+nlohmann::json slopeOf(const nlohmann::json& points);
+
+}  // namespace trex

@@ -1,0 +1,155 @@
+#include "src/app/capture.h"
+
+#include <fmt/format.h>
+#include <xxhash.h>
+
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+
+#include "src/app/interrupt.h"
+#include "src/app/render_report.h"
+#include "src/core/error.h"
+#include "src/core/hash.h"
+#include "src/core/log.h"
+#include "src/core/version.h"
+
+namespace trex {
+namespace fs = std::filesystem;
+namespace {
+
+double now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+}  // namespace
+
+std::uint64_t jobKey(const RenderArguments& a, const Scene& scene, const std::vector<View>& views) {
+  const RenderSettings& s = a.settings;
+  std::string text =
+      fmt::format("{} {}x{} {} {} {} {} {} {}", kVersion, s.width, s.height, s.exact, s.seed,
+                  static_cast<int>(s.guess), s.device, s.denoise, a.environment);
+  for (const SourceFile& file : scene.files) text += fmt::format(" {:016x}", hashFile(file.path));
+  for (const std::string& layer : a.layers) text += ' ' + layer;
+  for (const View& view : views) text += ' ' + cameraText(view.camera);
+  return XXH3_64bits(text.data(), text.size());
+}
+
+Capture::Capture(const RenderArguments& arguments, std::shared_ptr<const Model> model,
+                 std::vector<View> views, double importSeconds)
+    : a_(arguments),
+      model_(std::move(model)),
+      views_(std::move(views)),
+      layers_(layersFromNames(arguments.layers)),
+      importSeconds_(importSeconds),
+      key_(jobKey(arguments, model_->scene, views_)) {}
+
+int Capture::run() {
+  if (!a_.checkpoint.empty()) openCheckpoint();
+  nextCheckpoint_ = now() + a_.checkpointSeconds;
+  const std::uint32_t first = resumed_ ? resumed_->header().frame : 0;
+  for (std::uint32_t i = first; i < views_.size() && interruptedBy() == 0; ++i) runView(i);
+  if (a_.json) {
+    fmt::print("{}\n", (summaries_.size() == 1 ? summaries_[0] : summaries_).dump(2));
+    std::fflush(stdout);
+  }
+  const int signal = interruptedBy();
+  return signal == 0 ? 0 : 128 + signal;
+}
+
+/// Goes on from the checkpoint where that was asked for and there is one.
+void Capture::openCheckpoint() {
+  if (!fs::exists(a_.checkpoint)) {
+    if (a_.resume) logInfo("{}: no checkpoint yet, starting anew", a_.checkpoint);
+    return;
+  }
+  if (!a_.resume) {
+    fail(ExitCode::kUsage, "{}: a checkpoint is there already; go on with --resume, or remove it",
+         a_.checkpoint);
+  }
+  resumed_.emplace(a_.checkpoint);
+  if (resumed_->header().key != key_) {
+    resumed_->refuse("it is of another model, camera, seed or other settings");
+  }
+  if (resumed_->header().frame >= views_.size()) resumed_->refuse("it counts more pictures");
+}
+
+void Capture::runView(std::uint32_t frame) {
+  const View& view = views_[frame];
+  Session session(model_, view.camera, a_.settings, layers_);
+  if (resumed_ && resumed_->header().frame == frame) {
+    session.restoreCheckpoint(*resumed_);
+    logInfo("{}: going on after {} samples a pixel", a_.checkpoint, session.samplesDone());
+  }
+  try {
+    advance(session, frame);
+  } catch (const Error& e) {
+    if (e.code() == ExitCode::kMemoryOrDevice && session.samplesDone() > 0) {
+      save(session, view, false);
+      logInfo("{}: saved after {} samples a pixel", view.output, session.samplesDone());
+    }
+    throw;
+  }
+  if (!a_.checkpoint.empty()) saveCheckpoint(session, frame);
+  save(session, view, true);
+}
+
+/// Runs a session to its goal, or until a signal asks to stop.
+void Capture::advance(Session& session, std::uint32_t frame) {
+  Progress progress;
+  while (!session.goalReached() && interruptedBy() == 0) {
+    session.run([&](double share) {
+      progress.show(share, session.samplesDone());
+      const bool due = !a_.checkpoint.empty() && now() >= nextCheckpoint_;
+      return interruptedBy() == 0 && !hangupSeen() && !due;
+    });
+    if (hangupSeen()) {
+      clearHangup();
+      save(session, views_[frame], false);
+      logInfo("{}: saved after {} samples a pixel, going on", views_[frame].output,
+              session.samplesDone());
+    }
+    if (!a_.checkpoint.empty() && now() >= nextCheckpoint_) saveCheckpoint(session, frame);
+  }
+}
+
+void Capture::saveCheckpoint(Session& session, std::uint32_t frame) {
+  session.saveCheckpoint(a_.checkpoint, key_, frame);
+  nextCheckpoint_ = now() + a_.checkpointSeconds;
+}
+
+float exposureOf(const RenderArguments& a, const Picture& picture) {
+  if (a.exposure == "auto") return autoExposure(picture);
+  char* end = nullptr;
+  const float stops = std::strtof(a.exposure.c_str(), &end);
+  if (end == a.exposure.c_str() || *end != '\0' || !(std::abs(stops) < 100.0f)) {
+    fail(ExitCode::kUsage, "--exposure {}: want stops or auto", a.exposure);
+  }
+  return stops;
+}
+
+void Capture::save(Session& session, const View& view, bool report) {
+  Picture picture = session.picture();
+  addMetadata(picture, a_, view, session);
+  const float exposure = exposureOf(a_, picture);
+  writePicture(view.output, picture, ToneMap{exposure});
+  if (!report) return;
+  const SessionReport r = session.report();
+  if (r.nonFinite > 0) {
+    const NonFiniteSample first = session.frame().nonFiniteSamples().front();
+    logWarning(
+        "{} samples were not finite and were dropped; the first: pixel {},{} sample {} seed {}",
+        r.nonFinite, first.x, first.y, first.sample, a_.settings.seed);
+  }
+  if (a_.json) {
+    summaries_.push_back(summary(a_, view, r, importSeconds_, exposure));
+  } else {
+    fmt::print("{}\n", view.output);
+    std::fflush(stdout);
+  }
+  logInfo("{} samples a pixel in {:.2f} s on {}", r.samplesDone, r.renderSeconds + r.filterSeconds,
+          r.device == "none" ? "the CPU alone" : r.device);
+}
+
+}  // namespace trex

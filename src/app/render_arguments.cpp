@@ -1,0 +1,92 @@
+#include "src/app/render_arguments.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdlib>
+
+#include "src/app/app.h"
+#include "src/app/camera_path.h"
+#include "src/core/error.h"
+#include "src/scene/import.h"
+
+namespace trex {
+namespace {
+
+int parseDevice(const std::string& text) {
+  if (text == "none") return RenderSettings::kNoDevice;
+  if (text == "auto") return RenderSettings::kBestDevice;
+  char* end = nullptr;
+  const long number = std::strtol(text.c_str(), &end, 10);
+  if (end == text.c_str() || *end != '\0' || number < 0 || number > 255) {
+    fail(ExitCode::kUsage, "--device {}: want a number, auto or none", text);
+  }
+  return static_cast<int>(number);
+}
+
+/// Name of picture `number` of several.
+std::string numbered(const std::string& output, std::size_t number) {
+  const std::size_t dot = output.find_last_of('.');
+  const std::size_t last = output.find_last_of('#');
+  if (last == std::string::npos) {
+    return fmt::format("{}.{:04}{}", output.substr(0, dot), number, output.substr(dot));
+  }
+  std::size_t first = last;
+  while (first > 0 && output[first - 1] == '#') --first;
+  return fmt::format("{}{:0{}}{}", output.substr(0, first), number, last - first + 1,
+                     output.substr(last + 1));
+}
+
+std::string tripleText(const dvec3& v) { return fmt::format("{},{},{}", v.x, v.y, v.z); }
+
+}  // namespace
+
+void readSettings(RenderArguments& a) {
+  RenderSettings& s = a.settings;
+  parseSize(a.size, s.width, s.height);
+  if (std::isnan(s.exact)) fail(ExitCode::kUsage, "--exact nan: want 0 to 1");
+  if (std::isnan(s.seconds)) fail(ExitCode::kUsage, "--time nan: want seconds");
+  if (std::isnan(s.error)) fail(ExitCode::kUsage, "--error nan: want a relMSE above 0");
+  if (!a.maxMemory.empty()) s.maxMemory = parseBytes(a.maxMemory);
+  if (!a.maxGpuMemory.empty()) s.maxGpuMemory = parseBytes(a.maxGpuMemory);
+  if (s.samples == 0 && s.seconds == 0.0 && s.error == 0.0) s.samples = 64;
+  s.device = parseDevice(a.device);
+  s.denoise = a.denoise == "auto";
+  s.guess = a.guess == "ray"    ? GuessKind::kRay
+            : a.guess == "cone" ? GuessKind::kCone
+                                : GuessKind::kAuto;
+  if (!a.path.empty() && !a.cameras.empty()) {
+    fail(ExitCode::kUsage, "--path and --camera: give one of them");
+  }
+  if (a.resume && a.checkpoint.empty()) {
+    fail(ExitCode::kUsage, "--resume: needs --checkpoint FILE to go on from");
+  }
+}
+
+std::vector<View> makeViews(const RenderArguments& a, const Scene& scene) {
+  std::vector<Camera> cameras;
+  if (!a.path.empty()) {
+    cameras = readCameraPath(a.path, scene);
+  } else if (a.cameras.empty()) {
+    cameras.push_back(scene.cameras.front());
+  } else if (a.cameras.size() == 1 && a.cameras.front() == "all") {
+    cameras = scene.cameras;
+  } else {
+    for (const std::string& text : a.cameras) cameras.push_back(parseCamera(text, scene));
+  }
+  std::vector<View> views;
+  const bool many = cameras.size() > 1 || !a.path.empty();
+  for (std::size_t i = 0; i < cameras.size(); ++i) {
+    views.push_back({cameras[i], many ? numbered(a.output, i + 1) : a.output});
+  }
+  return views;
+}
+
+std::string cameraText(const Camera& camera) {
+  if (camera.orthographic) return camera.name;
+  const dvec3 target = camera.eye + dvec3(camera.forward);
+  return fmt::format("{}/{}/{}/{}", tripleText(camera.eye), tripleText(target),
+                     tripleText(dvec3(camera.up)), glm::degrees(camera.verticalFov));
+}
+
+}  // namespace trex

@@ -1,0 +1,46 @@
+// What `trex render` was asked for on the command line.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "src/scene/scene.h"
+#include "src/session/settings.h"
+
+namespace trex {
+
+struct RenderArguments {
+  std::string input, output;
+  std::string size = "640x360", environment, device = "auto", guess = "auto", exposure = "auto",
+              denoise = "auto";
+  std::vector<std::string> cameras;  ///< names or EYE/TARGET/UP/VFOV; "all"
+  std::string path;                  ///< file of cameras, one a frame
+  std::string maxMemory, maxGpuMemory;
+  std::vector<std::string> layers;
+  std::string checkpoint;
+  double checkpointSeconds = 60.0;
+  bool resume = false;
+  std::string stale = "refuse";  ///< or "use"
+  RenderSettings settings;
+  int threads = 0;
+  bool json = false;
+};
+
+/// Fills the settings from the texts. Throws Error(kUsage).
+void readSettings(RenderArguments& a);
+
+/// One picture of the job.
+struct View {
+  Camera camera;
+  std::string output;
+};
+
+/// Cameras and file names of all pictures: the scene's first camera, those named, or those of the
+/// path. With several, the number of the picture, from 1, takes the place of a run of # in the
+/// output's name, or goes before its extension. Throws Error(kUsage or kInput).
+std::vector<View> makeViews(const RenderArguments& a, const Scene& scene);
+
+/// A camera as EYE/TARGET/UP/VFOV, which --camera reads back; its name if it is orthographic.
+std::string cameraText(const Camera& camera);
+
+}  // namespace trex

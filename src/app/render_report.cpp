@@ -1,0 +1,86 @@
+#include "src/app/render_report.h"
+
+#include <fmt/format.h>
+
+#include <filesystem>
+
+#include "src/core/memory.h"
+#include "src/core/version.h"
+
+namespace trex {
+namespace {
+
+const char* guessName(const SessionReport& r) {
+  if (r.device == "none") return "none";
+  return r.cones ? "cone" : "ray";
+}
+
+bool filtered(const RenderSettings& s) { return s.denoise && s.exact <= 0.0; }
+
+}  // namespace
+
+nlohmann::json summary(const RenderArguments& a, const View& view, const SessionReport& r,
+                       double importSeconds, float exposure) {
+  return {{"input", a.input},
+          {"output", view.output},
+          {"camera", cameraText(view.camera)},
+          {"width", a.settings.width},
+          {"height", a.settings.height},
+          {"samples", r.samplesDone},
+          {"exact", a.settings.exact},
+          {"seed", a.settings.seed},
+          {"device", r.device},
+          {"guess", guessName(r)},
+          {"triangles", r.mesh.triangles},
+          {"unique_triangles", r.mesh.uniqueTriangles},
+          {"instances", r.mesh.instances},
+          {"import_seconds", importSeconds},
+          {"mesh_build_seconds", r.meshSeconds},
+          {"voxel_build_seconds", r.voxelSeconds},
+          {"device_start_seconds", r.deviceSeconds},
+          {"aim_seconds", r.aimSeconds},
+          {"render_seconds", r.renderSeconds},
+          {"photon_seconds", r.photonSeconds},
+          {"filter_seconds", r.filterSeconds},
+          {"photons", r.photons},
+          {"photons_landed", r.photonsLanded},
+          {"c_rays", r.rays.cRays},
+          {"shadow_rays", r.rays.shadowRays},
+          {"g_rays", r.rays.cones},
+          {"cache_reads", r.rays.cacheReads},
+          {"exact_paths", r.rays.exactPaths},
+          {"mesh_bytes", r.mesh.meshBytes},
+          {"top_level_bytes", r.mesh.topLevelBytes},
+          {"voxels", r.voxels},
+          {"voxel_depth", r.voxelDepth},
+          {"voxel_bytes", r.voxelBytes},
+          {"device_bytes", r.deviceBytes},
+          {"nonfinite_samples", r.nonFinite},
+          {"estimated_relmse",
+           r.estimatedError < 0.0 ? nlohmann::json() : nlohmann::json(r.estimatedError)},
+          {"exposure_stops", exposure},
+          {"peak_resident_bytes", peakResidentBytes()}};
+}
+
+void addMetadata(Picture& picture, const RenderArguments& a, const View& view,
+                 const Session& session) {
+  const SessionReport r = session.report();
+  const auto put = [&](const char* key, const std::string& value) {
+    picture.metadata.emplace_back(std::string("trex:") + key, value);
+  };
+  const dvec3 origin = session.renderOrigin();
+  put("version", kVersion);
+  put("scene", std::filesystem::path(a.input).filename().string());
+  put("camera", cameraText(view.camera));
+  put("environment", a.environment.empty() ? "of the scene" : a.environment);
+  put("samples", std::to_string(r.samplesDone));
+  put("seed", std::to_string(a.settings.seed));
+  put("exact", fmt::format("{}", a.settings.exact));
+  put("guess", guessName(r));
+  put("denoised", filtered(a.settings) ? "yes" : "no");
+  put("device", r.device);
+  put("nonFiniteSamples", std::to_string(r.nonFinite));
+  put("renderOrigin", fmt::format("{},{},{}", origin.x, origin.y, origin.z));
+}
+
+}  // namespace trex

@@ -1,0 +1,19 @@
+// What `trex render` tells of a finished picture: the JSON summary and the file's metadata.
+#pragma once
+
+#include <nlohmann/json.hpp>
+
+#include "src/app/render_arguments.h"
+#include "src/session/session.h"
+
+namespace trex {
+
+nlohmann::json summary(const RenderArguments& a, const View& view, const SessionReport& report,
+                       double importSeconds, float exposure);
+
+/// Adds version, scene, camera, samples, seed, settings, device and count of non-finite samples as
+/// "trex:KEY" attributes. They are the same for equal renders.
+void addMetadata(Picture& picture, const RenderArguments& a, const View& view,
+                 const Session& session);
+
+}  // namespace trex

@@ -1,0 +1,307 @@
+// scene.json, read.
+#include <charconv>
+#include <numbers>
+
+#include "src/bundle/contents.h"
+#include "src/bundle/json_object.h"
+
+namespace trex::bundle {
+namespace {
+
+using nlohmann::json;
+
+constexpr float kMost = std::numeric_limits<float>::max();
+constexpr float kLeast = std::numeric_limits<float>::denorm_min();
+constexpr int kMaxImageSide = 1 << 16;
+constexpr std::uint64_t kMaxTexels = std::uint64_t{1} << 30;
+constexpr std::uint64_t kMaxElements = 0xfffffff0u;  // of a mesh: indices are 32 bits wide
+
+vec3 vector(const JsonObject& o, const char* key, float low = -kMost, float high = kMost) {
+  vec3 v;
+  o.reals(key, &v[0], 3, low, high);
+  return v;
+}
+
+vec3 unitVector(const JsonObject& o, const char* key) {
+  const vec3 v = vector(o, key, -1.1f, 1.1f);
+  if (std::abs(glm::length(v) - 1.0f) > 1e-3f) o.bad(key, "is not of length 1");
+  return v;
+}
+
+Texture readTexture(const JsonObject& material, const char* key, std::size_t images) {
+  Texture t;
+  if (!material.has(key)) return t;
+  const JsonObject o = material.object(key);
+  o.allow({"image", "wrap_s", "wrap_t", "offset", "scale", "rotation"});
+  t.image = static_cast<int>(o.index("image", images));
+  t.wrapS = static_cast<Texture::Wrap>(o.oneOf("wrap_s", {"repeat", "mirror", "clamp"}));
+  t.wrapT = static_cast<Texture::Wrap>(o.oneOf("wrap_t", {"repeat", "mirror", "clamp"}));
+  o.reals("offset", &t.offset[0], 2);
+  o.reals("scale", &t.scale[0], 2);
+  t.rotation = o.real("rotation");
+  return t;
+}
+
+void readTextures(const JsonObject& o, std::size_t images, Material& m) {
+  m.baseColorTexture = readTexture(o, "base_color_texture", images);
+  m.metallicRoughnessTexture = readTexture(o, "metallic_roughness_texture", images);
+  m.normalTexture = readTexture(o, "normal_texture", images);
+  m.emissiveTexture = readTexture(o, "emissive_texture", images);
+  m.transmissionTexture = readTexture(o, "transmission_texture", images);
+  m.specularTexture = readTexture(o, "specular_texture", images);
+  m.specularColorTexture = readTexture(o, "specular_color_texture", images);
+}
+
+Material readMaterial(const JsonObject& o, std::size_t images) {
+  o.allow({"name",
+           "base_color",
+           "metallic",
+           "roughness",
+           "emission",
+           "normal_scale",
+           "alpha_mode",
+           "alpha_cutoff",
+           "double_sided",
+           "unlit",
+           "specular",
+           "specular_color",
+           "ior",
+           "transmission",
+           "volume",
+           "attenuation_color",
+           "attenuation_distance_metres",
+           "base_color_texture",
+           "metallic_roughness_texture",
+           "normal_texture",
+           "emissive_texture",
+           "transmission_texture",
+           "specular_texture",
+           "specular_color_texture"});
+  Material m;
+  m.name = o.text("name");
+  o.reals("base_color", &m.baseColor[0], 4, 0.0f, 1.0f);
+  m.metallic = o.real("metallic", 0.0f, 1.0f);
+  m.roughness = o.real("roughness", 0.0f, 1.0f);
+  m.emission = vector(o, "emission", 0.0f);
+  m.normalScale = o.real("normal_scale");
+  m.alphaMode = static_cast<AlphaMode>(o.oneOf("alpha_mode", {"opaque", "mask", "blend"}));
+  m.alphaCutoff = o.real("alpha_cutoff", 0.0f);
+  m.doubleSided = o.boolean("double_sided");
+  m.unlit = o.boolean("unlit");
+  m.specular = o.real("specular", 0.0f, 1.0f);
+  m.specularColor = vector(o, "specular_color", 0.0f);
+  m.ior = o.real("ior", 1.0f);
+  m.transmission = o.real("transmission", 0.0f, 1.0f);
+  m.volume = o.boolean("volume");
+  m.attenuationColor = vector(o, "attenuation_color", 0.0f, 1.0f);
+  if (o.has("attenuation_distance_metres")) {
+    m.attenuationDistance = o.real("attenuation_distance_metres", 0.0f);
+  }
+  readTextures(o, images, m);
+  return m;
+}
+
+Light readLight(const JsonObject& o) {
+  o.allow({"name", "type", "position", "direction", "intensity", "inner_cone_angle_radians",
+           "outer_cone_angle_radians", "range_metres"});
+  constexpr float kLargest = static_cast<float>(std::numbers::pi);
+  Light l;
+  l.name = o.text("name");
+  l.type = static_cast<Light::Type>(o.oneOf("type", {"point", "spot", "directional"}));
+  o.numbers("position", &l.position[0], 3);
+  l.direction = unitVector(o, "direction");
+  l.intensity = vector(o, "intensity", 0.0f);
+  l.outerConeAngle = o.real("outer_cone_angle_radians", 0.0f, kLargest);
+  l.innerConeAngle = o.real("inner_cone_angle_radians", 0.0f, l.outerConeAngle);
+  if (o.has("range_metres")) l.range = o.real("range_metres", 0.0f);
+  return l;
+}
+
+Camera readCamera(const JsonObject& o) {
+  o.allow({"name", "eye", "forward", "up", "vertical_fov_radians", "orthographic",
+           "orthographic_height_metres"});
+  Camera c;
+  c.name = o.text("name");
+  o.numbers("eye", &c.eye[0], 3);
+  c.forward = unitVector(o, "forward");
+  c.up = unitVector(o, "up");
+  if (std::abs(glm::dot(c.forward, c.up)) > 1e-3f) o.bad("up", "is not at right angles to forward");
+  c.verticalFov = o.real("vertical_fov_radians", kLeast, 3.1415925f);
+  c.orthographic = o.boolean("orthographic");
+  c.orthographicHeight = o.real("orthographic_height_metres", kLeast);
+  return c;
+}
+
+Image readImage(const JsonObject& o, bool& isFloat) {
+  o.allow({"name", "width", "height", "channels", "format"});
+  Image image;
+  image.name = o.text("name");
+  image.width = static_cast<int>(o.integer("width", 1, kMaxImageSide));
+  image.height = static_cast<int>(o.integer("height", 1, kMaxImageSide));
+  image.channels = static_cast<int>(o.integer("channels", 1, 4));
+  isFloat = o.oneOf("format", {"u8", "f32"}) == 1;
+  if (std::uint64_t(image.width) * std::uint64_t(image.height) > kMaxTexels) {
+    o.bad("height", "the image has more than {} texels", kMaxTexels);
+  }
+  return image;
+}
+
+Environment readEnvironment(const JsonObject& o) {
+  o.allow({"color", "map"});
+  Environment environment;
+  environment.color = vector(o, "color", 0.0f);
+  if (!o.has("map")) return environment;
+  bool isFloat = false;
+  const JsonObject size = o.object("map");
+  auto map = std::make_shared<Image>(readImage(size, isFloat));
+  if (map->channels != 3) size.bad("channels", "must be 3");
+  if (!isFloat) size.bad("format", "must be f32");
+  environment.map = std::move(map);
+  return environment;
+}
+
+Instance readInstance(const JsonObject& o, std::size_t meshes, std::size_t objects) {
+  o.allow({"name", "mesh", "object", "transform"});
+  Instance i;
+  i.name = o.text("name");
+  i.mesh = static_cast<int>(o.index("mesh", meshes));
+  i.object = static_cast<int>(o.index("object", objects));
+  o.numbers("transform", &i.transform[0][0], 16);
+  for (int column = 0; column < 4; ++column) {
+    if (i.transform[column][3] != (column == 3 ? 1.0 : 0.0)) o.bad("transform", "is not affine");
+  }
+  return i;
+}
+
+BakedFile readFile(const JsonObject& o) {
+  o.allow({"path", "bytes", "modified_nanoseconds", "xxh3"});
+  BakedFile f;
+  f.file.path = o.text("path");
+  f.file.bytes = o.integer("bytes", 0, std::uint64_t{1} << 62);
+  f.file.modifiedNanoseconds = o.signedInteger("modified_nanoseconds");
+  const std::string hash = o.text("xxh3");
+  const char* end = hash.data() + hash.size();
+  const auto [at, problem] = std::from_chars(hash.data(), end, f.hash, 16);
+  if (hash.size() != 16 || at != end || problem != std::errc()) {
+    o.bad("xxh3", "is not 16 hexadecimal digits");
+  }
+  return f;
+}
+
+Requirement readRequirement(const JsonObject& o) {
+  o.allow({"name", "required", "reason", "saved_bytes"});
+  return {o.text("name"), o.boolean("required"), o.text("reason"),
+          o.integer("saved_bytes", 0, ~std::uint64_t{0})};
+}
+
+std::vector<std::string> texts(const JsonObject& o, const char* key) {
+  std::vector<std::string> out;
+  for (const json& value : o.array(key)) {
+    if (!value.is_string()) o.bad(key, "has an element that is not a string");
+    out.push_back(value.get<std::string>());
+  }
+  return out;
+}
+
+/// Calls add(object) for each element of an array.
+template <typename Function>
+void forEach(const JsonObject& o, const char* key, Function add) {
+  const std::size_t count = o.array(key).size();
+  if (count > 0x7fffffffu) o.bad(key, "has too many elements");
+  for (std::size_t i = 0; i < count; ++i) add(o.element(key, i));
+}
+
+void readMeshes(const JsonObject& root, Description& d) {
+  forEach(root, "meshes", [&](const JsonObject& o) {
+    o.allow({"name", "origin", "material", "same_geometry_as", "emitter"});
+    const std::size_t number = d.scene.meshes.size();
+    Mesh m;
+    m.name = o.text("name");
+    o.numbers("origin", &m.origin[0], 3);
+    m.material = static_cast<int>(o.index("material", d.scene.materials.size()));
+    const bool emits = d.scene.materials[static_cast<std::size_t>(m.material)].emits();
+    if (o.has("same_geometry_as")) {
+      m.sameGeometryAs = static_cast<int>(o.index("same_geometry_as", number));
+    }
+    if (o.has("emitter") != emits) o.bad("emitter", "must be there just where the material emits");
+    if (emits) {
+      const JsonObject e = o.object("emitter");
+      e.allow({"positions", "triangles"});
+      d.emitters.push_back({number, e.integer("positions", 0, kMaxElements),
+                            e.integer("triangles", 0, kMaxElements)});
+    }
+    d.scene.meshes.push_back(std::move(m));
+  });
+}
+
+void readPlacements(const JsonObject& root, Description& d) {
+  forEach(root, "placements", [&](const JsonObject& o) {
+    o.allow({"instance", "hccmesh"});
+    d.placed.push_back({static_cast<std::uint32_t>(o.index("instance", d.scene.instances.size())),
+                        static_cast<std::uint32_t>(o.index("hccmesh", d.sharedMeshes))});
+  });
+}
+
+void readScene(const JsonObject& root, Description& d) {
+  Scene& s = d.scene;
+  s.warnings = texts(root, "warnings");
+  s.objects = texts(root, "objects");
+  s.droppedTriangles = root.integer("dropped_triangles", 0, ~std::uint64_t{0});
+  forEach(root, "cameras", [&](const JsonObject& o) { s.cameras.push_back(readCamera(o)); });
+  forEach(root, "lights", [&](const JsonObject& o) { s.lights.push_back(readLight(o)); });
+  s.environment = readEnvironment(root.object("environment"));
+  forEach(root, "images", [&](const JsonObject& o) {
+    bool isFloat = false;
+    s.images.push_back(readImage(o, isFloat));
+    d.floatImages.push_back(isFloat);
+  });
+  forEach(root, "materials",
+          [&](const JsonObject& o) { s.materials.push_back(readMaterial(o, s.images.size())); });
+  if (s.materials.empty()) root.bad("materials", "is empty");
+  readMeshes(root, d);
+  forEach(root, "instances", [&](const JsonObject& o) {
+    s.instances.push_back(readInstance(o, s.meshes.size(), s.objects.size()));
+  });
+  if (s.cameras.empty()) root.bad("cameras", "is empty");
+}
+
+Description read(const JsonObject& root) {
+  if (root.integer("trex", 0, 1u << 30) != kSceneVersion) {
+    root.bad("trex", "this program reads version {}", kSceneVersion);
+  }
+  root.allow({"trex",          "baked_by",       "input",
+              "sources",       "precision_bits", "voxel_depth",
+              "requirements",  "warnings",       "dropped_triangles",
+              "render_origin", "cameras",        "lights",
+              "environment",   "images",         "materials",
+              "meshes",        "shared_meshes",  "objects",
+              "instances",     "placements"});
+  Description d;
+  d.bakedBy = root.text("baked_by");
+  d.input = root.text("input");
+  forEach(root, "sources", [&](const JsonObject& o) { d.files.push_back(readFile(o)); });
+  d.precisionBits = static_cast<int>(root.integer("precision_bits", 8, 24));
+  d.voxelDepth = static_cast<int>(root.integer("voxel_depth", 0, 32));
+  forEach(root, "requirements",
+          [&](const JsonObject& o) { d.requirements.push_back(readRequirement(o)); });
+  root.numbers("render_origin", &d.renderOrigin[0], 3);
+  d.sharedMeshes = static_cast<std::uint32_t>(root.integer("shared_meshes", 0, 1u << 19));
+  readScene(root, d);
+  readPlacements(root, d);
+  return d;
+}
+
+}  // namespace
+
+Description readDescription(std::span<const std::byte> text, const std::string& name) {
+  const char* first = reinterpret_cast<const char*>(text.data());
+  json document;
+  try {
+    document = json::parse(first, first + text.size());
+  } catch (const json::exception& e) {
+    fail(ExitCode::kInput, "{}: scene.json is not JSON: {:.200}; bake again", name, e.what());
+  }
+  return read(JsonObject(document, name, ""));
+}
+
+}  // namespace trex::bundle

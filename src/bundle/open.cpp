@@ -1,0 +1,199 @@
+// From the file of a bundle to a model.
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <tbb/parallel_for.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+
+#include "src/bundle/arrays.h"
+#include "src/bundle/bundle.h"
+#include "src/core/error.h"
+#include "src/core/log.h"
+#include "src/core/memory.h"
+
+namespace trex {
+namespace {
+
+namespace fs = std::filesystem;
+using bundle::Container;
+using Bytes = std::span<const std::byte>;
+
+double now() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+hccm::Mesh readMesh(const Container& container, const std::string& section,
+                    const std::shared_ptr<const void>& owner, std::size_t materials) {
+  try {
+    hccm::Mesh mesh = hccm::Mesh::fromView(container.section(section), owner);
+    for (std::uint32_t i = 0; i < mesh.clusterCount(); ++i) {
+      if (mesh.clusterMaterial(i) < materials) continue;
+      fail(ExitCode::kInput, "{}: {}: material {} does not exist; there are {}; bake again",
+           container.name(), section, mesh.clusterMaterial(i), materials);
+    }
+    return mesh;
+  } catch (const hccm::FormatError& e) {
+    fail(ExitCode::kInput, "{}: {}: {}; bake again", container.name(), section, e.what());
+  }
+}
+
+void readImages(const Container& container, bundle::Description& d, std::uint64_t limit) {
+  Scene& scene = d.scene;
+  std::vector<Bytes> frames;
+  std::uint64_t bytes = 0;
+  for (std::size_t i = 0; i < scene.images.size(); ++i) {
+    frames.push_back(container.section(fmt::format("image-{}.zst", i)));
+    bytes += bundle::texelBytes(scene.images[i], d.floatImages[i]);
+  }
+  if (scene.environment.map) bytes += bundle::texelBytes(*scene.environment.map, true);
+  if (limit == 0) limit = availableMemoryLimit();
+  if (bytes > limit) {
+    fail(ExitCode::kMemoryOrDevice, "{}: its images need {}, there are {}", container.name(),
+         formatBytes(bytes), formatBytes(limit));
+  }
+  tbb::parallel_for(std::size_t{0}, frames.size(), [&](std::size_t i) {
+    bundle::unpackTexels(frames[i], d.floatImages[i],
+                         fmt::format("{}: image-{}.zst", container.name(), i), scene.images[i]);
+  });
+  if (!scene.environment.map) return;
+  auto map = std::make_shared<Image>(*scene.environment.map);
+  const std::string where = container.name() + ": environment.zst";
+  bundle::unpackTexels(container.section("environment.zst"), true, where, *map);
+  for (const float f : map->floats) {
+    if (f < 0.0f) fail(ExitCode::kInput, "{}: has a negative texel; bake again", where);
+  }
+  scene.environment.map = std::move(map);
+}
+
+std::size_t sectionsExpected(const bundle::Description& d) {
+  return 2 + d.sharedMeshes + (d.emitters.empty() ? 0 : 1) + (d.voxelDepth > 0 ? 1 : 0) +
+         d.scene.images.size() + (d.scene.environment.map ? 1 : 0);
+}
+
+/// Throws for sources that have changed; says which are gone.
+void checkSources(const fs::path& path, const bundle::Description& d, bool useStale) {
+  for (const bundle::BakedFile& file : d.files) {
+    const SourceState state = compareSource(path, file);
+    if (state == SourceState::kAbsent) {
+      logVerbose("{}: {}, which it was baked from, is not there", path.string(), file.file.path);
+    }
+    if (state != SourceState::kChanged) continue;
+    if (!useStale) {
+      fail(ExitCode::kInput,
+           "{}: was baked from {}, which has changed since; bake again, or --stale use",
+           path.string(), file.file.path);
+    }
+    logWarning("{}: was baked from {}, which has changed since", path.string(), file.file.path);
+  }
+}
+
+/// Says where pictures will differ from those of the source.
+void noteVoxels(const fs::path& path, const BundleContents& contents, const ModelOptions& wanted) {
+  if (!wanted.voxels || !hasLight(contents.description.scene)) return;
+  if (!contents.voxels) {
+    logWarning("{}: has no voxels; every sample is traced exactly", path.string());
+    return;
+  }
+  const auto depth = static_cast<int>(contents.voxels->info.depth);
+  const int asked = contents.description.voxelDepth;
+  if (depth > wanted.voxelDepth || (asked < wanted.voxelDepth && depth == asked)) {
+    logInfo("{}: its voxels have depth {}; for this picture the model itself would get {}",
+            path.string(), depth, wanted.voxelDepth);
+  }
+}
+
+}  // namespace
+
+std::shared_ptr<const Bytes> mapFile(const fs::path& path) {
+  const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  if (file < 0) {
+    fail(ExitCode::kInput, "{}: can't be opened: {}", path.string(), std::strerror(errno));
+  }
+  struct stat status {};
+  const bool plain = ::fstat(file, &status) == 0 && S_ISREG(status.st_mode);
+  const auto size = static_cast<std::size_t>(plain ? status.st_size : 0);
+  void* const start =
+      size > 0 ? ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file, 0) : MAP_FAILED;
+  const int reason = errno;
+  ::close(file);
+  if (!plain) fail(ExitCode::kInput, "{}: not a plain file", path.string());
+  if (size == 0) fail(ExitCode::kInput, "{}: the file is empty", path.string());
+  if (start == MAP_FAILED) {
+    fail(ExitCode::kInput, "{}: can't be mapped: {}", path.string(), std::strerror(reason));
+  }
+  return {new Bytes(static_cast<const std::byte*>(start), size), [](const Bytes* bytes) {
+            ::munmap(const_cast<std::byte*>(bytes->data()), bytes->size());
+            delete bytes;
+          }};
+}
+
+BundleContents readBundle(Bytes bytes, std::shared_ptr<const void> owner, const std::string& name,
+                          const BundleReadOptions& options) {
+  const Container container(bytes, name);
+  bundle::Description d = bundle::readDescription(container.section("scene.json"), name);
+  if (container.sections().size() != sectionsExpected(d)) {
+    fail(ExitCode::kInput, "{}: has {} sections, scene.json speaks of {}; bake again", name,
+         container.sections().size(), sectionsExpected(d));
+  }
+  const std::size_t materials = d.scene.materials.size();
+  RayScene::Parts parts{
+      d.renderOrigin, readMesh(container, "world.hccm", owner, materials), {}, {}};
+  for (std::uint32_t i = 0; i < d.sharedMeshes; ++i) {
+    parts.shared.push_back(readMesh(container, fmt::format("mesh-{}.hccm", i), owner, materials));
+  }
+  parts.placed = d.placed;
+  if (!d.emitters.empty()) {
+    bundle::unpackEmitters(container.section("emitters.bin"), name + ": emitters.bin", d);
+  }
+  readImages(container, d, options.maxImageBytes);
+  std::optional<asvo::Tree> voxels;
+  if (options.voxels && d.voxelDepth > 0) {
+    try {
+      voxels = asvo::Tree::fromBytes(container.section("voxels.asvo"));
+    } catch (const asvo::FormatError& e) {
+      fail(ExitCode::kInput, "{}: voxels.asvo: {}; bake again", name, e.what());
+    }
+  }
+  d.scene.source = name;
+  return {std::move(d), std::move(parts), std::move(voxels)};
+}
+
+bool isBundlePath(const fs::path& path) { return path.extension() == ".trex"; }
+
+Model openBundle(const fs::path& path, const OpenOptions& options) {
+  const auto bytes = mapFile(path);
+  BundleReadOptions read;
+  read.voxels = options.model.voxels;
+  BundleContents contents = readBundle(*bytes, bytes, path.string(), read);
+  checkSources(path, contents.description, options.useStale);
+  Scene& scene = contents.description.scene;
+  if (options.environment) scene.environment = *options.environment;
+  for (const std::string& w : scene.warnings) logWarning("{}", w);
+  noteVoxels(path, contents, options.model);
+  Model model;
+  model.scene = std::move(scene);
+  ModelOptions ignored = options.model;
+  if (options.prepare) options.prepare(model.scene, ignored);
+  const double start = now();
+  model.rays = std::make_unique<RayScene>(model.scene, std::move(contents.parts));
+  model.meshSeconds = now() - start;
+  model.voxels = std::move(contents.voxels);
+  return model;
+}
+
+Model openModel(const fs::path& path, const OpenOptions& options) {
+  if (isBundlePath(path)) return openBundle(path, options);
+  ImportOptions import = options.import;
+  import.environmentGiven |= options.environment.has_value();
+  Scene scene = importScene(path, import);
+  if (options.environment) scene.environment = *options.environment;
+  ModelOptions build = options.model;
+  if (options.prepare) options.prepare(scene, build);
+  return makeModel(std::move(scene), build);
+}
+
+}  // namespace trex

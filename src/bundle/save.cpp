@@ -1,0 +1,191 @@
+// From a model to the file of a bundle.
+#include <fcntl.h>
+#include <tbb/parallel_for.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include "src/bundle/arrays.h"
+#include "src/bundle/bundle.h"
+#include "src/core/error.h"
+#include "src/core/file.h"
+#include "src/core/version.h"
+
+namespace trex {
+namespace {
+
+namespace fs = std::filesystem;
+using bundle::SectionData;
+
+/// The folder of the model in texts would make bundles depend on where they were baked.
+std::string withoutFolder(std::string text, const std::string& folder) {
+  for (std::size_t at; !folder.empty() && (at = text.find(folder)) != std::string::npos;) {
+    text.erase(at, folder.size());
+  }
+  return text;
+}
+
+bundle::Description describe(const Model& model, const BakeFacts& facts) {
+  const Scene& scene = model.scene;
+  const RayScene::Parts& parts = model.rays->parts();
+  const fs::path input(facts.input);
+  const std::string folder = input.has_parent_path() ? input.parent_path().string() + "/" : "";
+  bundle::Description d;
+  d.scene.lights = scene.lights;
+  d.scene.cameras = scene.cameras;
+  d.scene.environment = scene.environment;
+  d.scene.materials = scene.materials;
+  d.scene.objects = scene.objects;
+  d.scene.instances = scene.instances;
+  d.scene.droppedTriangles = scene.droppedTriangles;
+  for (const std::string& w : scene.warnings) d.scene.warnings.push_back(withoutFolder(w, folder));
+  for (const Image& image : scene.images) {
+    Image size;
+    size.name = withoutFolder(image.name, folder);
+    size.width = image.width, size.height = image.height, size.channels = image.channels;
+    d.scene.images.push_back(std::move(size));
+    d.floatImages.push_back(image.bytes.empty());
+  }
+  for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
+    const Mesh& from = scene.meshes[i];
+    Mesh mesh;
+    mesh.name = from.name;
+    mesh.origin = from.origin;
+    mesh.material = from.material;
+    mesh.sameGeometryAs = from.sameGeometryAs;
+    d.scene.meshes.push_back(std::move(mesh));
+    if (scene.materials[static_cast<std::size_t>(from.material)].emits()) {
+      d.emitters.push_back({i, from.positions.size(), from.triangles.size()});
+    }
+  }
+  d.bakedBy = std::string("trex ") + kVersion;
+  d.input = input.filename().string();
+  d.files = facts.files;
+  d.renderOrigin = parts.renderOrigin;
+  d.sharedMeshes = static_cast<std::uint32_t>(parts.shared.size());
+  d.placed = parts.placed;
+  d.precisionBits = facts.precisionBits;
+  d.voxelDepth = model.voxels ? facts.voxelDepth : 0;
+  d.requirements = facts.requirements;
+  return d;
+}
+
+/// All sections of a file, and the arrays that were made for them.
+class Sections {
+ public:
+  Sections(const Model& model, const BakeFacts& facts) {
+    const Scene& scene = model.scene;
+    const RayScene::Parts& parts = model.rays->parts();
+    constexpr std::size_t kMost = std::size_t{1} << 19;
+    if (parts.shared.size() > kMost || scene.images.size() > kMost) {
+      fail(ExitCode::kInput, "{}: more than {} meshes or images; a bundle can't hold them",
+           facts.input, kMost);
+    }
+    const bundle::Description description = describe(model, facts);
+    const std::string text = bundle::writeDescription(description);
+    const auto bytes = std::as_bytes(std::span(text));
+    add("scene.json", {bytes.begin(), bytes.end()});
+    list_.push_back({"world.hccm", parts.world.bytes()});
+    for (std::size_t i = 0; i < parts.shared.size(); ++i) {
+      list_.push_back({fmt::format("mesh-{}.hccm", i), parts.shared[i].bytes()});
+    }
+    if (!description.emitters.empty()) {
+      add("emitters.bin", bundle::packEmitters(description, scene.meshes));
+    }
+    if (model.voxels) add("voxels.asvo", model.voxels->toBytes());
+    addImages(scene);
+  }
+  const std::vector<SectionData>& list() const { return list_; }
+
+ private:
+  void add(std::string name, std::vector<std::byte> bytes) {
+    list_.push_back({std::move(name), bytes});
+    owned_.push_back(std::move(bytes));
+  }
+  void addImages(const Scene& scene) {
+    std::vector<std::vector<std::byte>> packed(scene.images.size());
+    tbb::parallel_for(std::size_t{0}, packed.size(),
+                      [&](std::size_t i) { packed[i] = bundle::packTexels(scene.images[i]); });
+    for (std::size_t i = 0; i < packed.size(); ++i) {
+      add(fmt::format("image-{}.zst", i), std::move(packed[i]));
+    }
+    if (scene.environment.map) {
+      add("environment.zst", bundle::packTexels(*scene.environment.map));
+    }
+  }
+
+  std::vector<SectionData> list_;
+  std::vector<std::vector<std::byte>> owned_;  ///< a move keeps where their bytes are
+};
+
+/// A file written from front to back.
+class Output {
+ public:
+  Output(const fs::path& path, std::string name)
+      : name_(std::move(name)),
+        file_(::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666)) {
+    if (file_ < 0) failed();
+  }
+  ~Output() { ::close(file_); }
+  Output(const Output&) = delete;
+  Output& operator=(const Output&) = delete;
+  void write(std::span<const std::byte> bytes) {
+    while (!bytes.empty()) {
+      const ssize_t got = ::write(file_, bytes.data(), bytes.size());
+      if (got < 0 && errno == EINTR) continue;
+      if (got <= 0) failed();
+      bytes = bytes.subspan(static_cast<std::size_t>(got));
+    }
+  }
+
+ private:
+  [[noreturn]] void failed() const {
+    fail(ExitCode::kOutput, "{}: can't be written: {}", name_, std::strerror(errno));
+  }
+  std::string name_;
+  int file_;
+};
+
+}  // namespace
+
+std::vector<bundle::Section> saveBundle(
+    const fs::path& target, const Model& model, const BakeFacts& facts,
+    const std::function<bool(std::uint64_t, std::uint64_t)>& written) {
+  constexpr std::size_t kChunk = std::size_t{8} << 20;
+  const Sections sections(model, facts);
+  const std::uint64_t total = bundle::containerBytes(sections.list());
+  writeAtomically(target, [&](const fs::path& temporary) {
+    Output file(temporary, target.string());
+    std::uint64_t done = 0;
+    bundle::writeContainer(sections.list(), [&](std::span<const std::byte> bytes) {
+      for (; !bytes.empty(); bytes = bytes.subspan(std::min(kChunk, bytes.size()))) {
+        file.write(bytes.first(std::min(kChunk, bytes.size())));
+        done += std::min(kChunk, bytes.size());
+        if (!written(done, total)) {
+          fail(ExitCode::kInterrupted, "{}: interrupted; nothing was written", target.string());
+        }
+      }
+    });
+  });
+  std::vector<bundle::Section> out;
+  std::uint64_t offset = bundle::kAlignment;
+  for (const SectionData& s : sections.list()) {
+    out.push_back({s.name, offset, s.bytes.size()});
+    offset += (s.bytes.size() + bundle::kAlignment - 1) / bundle::kAlignment * bundle::kAlignment;
+  }
+  return out;
+}
+
+std::vector<std::byte> bundleBytes(const Model& model, const BakeFacts& facts) {
+  const Sections sections(model, facts);
+  std::vector<std::byte> out;
+  out.reserve(bundle::containerBytes(sections.list()));
+  bundle::writeContainer(sections.list(), [&](std::span<const std::byte> bytes) {
+    out.insert(out.end(), bytes.begin(), bytes.end());
+  });
+  return out;
+}
+
+}  // namespace trex

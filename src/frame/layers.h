@@ -1,0 +1,106 @@
+// Layers of a picture besides R, G, B: which ones are wanted, and what they need of each sample.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "src/core/maths.h"
+#include "src/frame/features.h"
+
+namespace trex {
+
+/// The layers that are wanted. Directions and places are in render space: world axes, metres from
+/// the scene's render origin.
+struct PictureLayers {
+  bool direct = false;      ///< direct.R .G .B: light scattered at most once; mirrors don't count
+  bool indirect = false;    ///< indirect.R .G .B: the rest; direct + indirect = the unfiltered mean
+  bool albedo = false;      ///< albedo.R .G .B: of the first surface that is no mirror or glass
+  bool normal = false;      ///< normal.X .Y .Z: of the same
+  bool position = false;    ///< position.X .Y .Z: of the same
+  bool depth = false;       ///< depth: metres along the viewing direction; -1 where nothing is
+  bool objectId = false;    ///< objectId: of the first surface of the first sample; -1: nothing
+  bool materialId = false;  ///< materialId: likewise
+  bool sampleCount = false;  ///< sampleCount
+  bool variance = false;     ///< variance.R .G .B: of the mean, before any filter
+
+  bool needsFeatures() const { return albedo || normal || position; }
+  bool needsSplit() const { return direct || indirect; }
+  bool needsFirstHit() const { return depth || objectId || materialId; }
+  /// Values of a pixel that these layers add.
+  std::size_t channels() const;
+};
+
+/// Names that layersFromNames() knows, in the order of the file.
+const std::vector<std::string>& layerNames();
+
+/// Throws Error(kUsage) for a name that is not in layerNames() and not "all".
+PictureLayers layersFromNames(const std::vector<std::string>& names);
+
+/// Sums of the direct part of each pixel: of the guess, and of what exact paths add to it.
+class DirectImage {
+ public:
+  DirectImage(std::uint32_t width, std::uint32_t height)
+      : width_(width), pixels_(std::size_t{width} * height) {}
+  /// `exact` is null where the sample has no exact path.
+  void add(std::uint32_t x, std::uint32_t y, const vec3& guess, const vec3* exact) {
+    Pixel& p = pixels_[std::size_t{y} * width_ + x];
+    p.guess += dvec3(guess);
+    p.count += 1.0;
+    if (exact == nullptr) return;
+    p.difference += dvec3(*exact - guess);
+    p.pairs += 1.0;
+  }
+  dvec3 mean(std::uint32_t x, std::uint32_t y) const {
+    const Pixel& p = pixels_[std::size_t{y} * width_ + x];
+    dvec3 mean(0.0);
+    if (p.count > 0.0) mean += p.guess / p.count;
+    if (p.pairs > 0.0) mean += p.difference / p.pairs;
+    return mean;
+  }
+  static constexpr std::uint64_t kBytesAPixel = 8 * sizeof(double);
+  std::span<std::byte> bytes() { return std::as_writable_bytes(std::span(pixels_)); }
+
+ private:
+  struct Pixel {
+    dvec3 guess{0.0}, difference{0.0};
+    double count = 0.0, pairs = 0.0;
+  };
+  std::uint32_t width_;
+  std::vector<Pixel> pixels_;
+};
+
+/// The first surface of each pixel: its mean depth, and the numbers that the first sample met.
+class FirstHitImage {
+ public:
+  FirstHitImage(std::uint32_t width, std::uint32_t height)
+      : width_(width), pixels_(std::size_t{width} * height) {}
+  void add(std::uint32_t x, std::uint32_t y, std::uint32_t sample, const FirstHit& hit) {
+    Pixel& p = pixels_[std::size_t{y} * width_ + x];
+    if (sample == 0) {
+      p.hit.object = hit.object;
+      p.hit.material = hit.material;
+    }
+    if (hit.depth == FirstHit::kNothing) return;
+    p.count += 1.0f;
+    if (p.count == 1.0f) p.hit.depth = 0.0f;
+    p.hit.depth += (hit.depth - p.hit.depth) / p.count;
+  }
+  const FirstHit& at(std::uint32_t x, std::uint32_t y) const {
+    return pixels_[std::size_t{y} * width_ + x].hit;
+  }
+  static constexpr std::uint64_t kBytesAPixel = 4 * sizeof(float);
+  std::span<std::byte> bytes() { return std::as_writable_bytes(std::span(pixels_)); }
+
+ private:
+  struct Pixel {
+    FirstHit hit;
+    float count = 0.0f;
+  };
+  std::uint32_t width_;
+  std::vector<Pixel> pixels_;
+};
+
+}  // namespace trex

@@ -1,0 +1,119 @@
+#include "src/session/preflight.h"
+
+#include <algorithm>
+#include <cctype>
+
+#include "src/core/error.h"
+#include "src/core/log.h"
+#include "src/core/memory.h"
+#include "src/frame/accumulator.h"
+#include "src/frame/features.h"
+#include "src/scene/import.h"
+
+namespace trex {
+namespace {
+
+// Measured peaks, bytes, rounded up (docs/figures.md).
+constexpr std::uint64_t kBuildBytesATriangle = 48;  // of clusters, beside the source
+constexpr std::uint64_t kMeshBytesATriangle = 12;   // clusters and their hierarchy
+constexpr std::uint64_t kPlacedBytes = 24;          // a placed triangle while voxels are built
+constexpr std::uint64_t kVoxelCopies = 4;           // built; kept, on the device, flux and light
+constexpr std::uint64_t kFewestVoxelBytes = 4u << 20;
+constexpr std::uint64_t kDeviceBytes = 96u << 20;  // driver, compiled shaders, batches of cones
+
+std::uint64_t allowedBytes(const RenderSettings& settings) {
+  const std::uint64_t all = availableMemoryLimit();
+  return settings.maxMemory > 0 ? std::min(settings.maxMemory, all) : all;
+}
+
+std::uint64_t frameBytes(const RenderSettings& s, const PictureLayers& layers) {
+  const std::uint64_t pixels = std::uint64_t{s.width} * s.height;
+  const bool pairs = s.exact > 0.0 && s.exact < 1.0;
+  std::uint64_t bytes = Accumulator::bytesNeeded(s.width, s.height, pairs);
+  const bool filter = s.denoise && s.exact <= 0.0;
+  if (filter || layers.needsFeatures()) bytes += FeatureImage::bytesNeeded(s.width, s.height);
+  if (layers.needsSplit()) bytes += pixels * DirectImage::kBytesAPixel;
+  if (layers.needsFirstHit()) bytes += pixels * FirstHitImage::kBytesAPixel;
+  if (filter) bytes += pixels * 96;  // guides and light, twice
+  // The picture, and what its file's writer holds of it.
+  return bytes + pixels * (3 + layers.channels()) * sizeof(float) * 2 + pixels * 2 * sizeof(vec3);
+}
+
+/// What is freed once meshes and voxels are built.
+std::uint64_t sourceBytes(const Scene& scene) {
+  std::uint64_t bytes = 0;
+  for (const Mesh& m : scene.meshes) {
+    bytes += m.positions.size() * sizeof(vec3) + m.triangles.size() * sizeof(glm::uvec3) +
+             m.normals.size() * sizeof(vec3) + m.texCoords.size() * sizeof(vec2) +
+             m.colors.size() * sizeof(glm::u8vec4);
+  }
+  return bytes;
+}
+
+void refuse(const Preflight& p, const RenderSettings& settings) {
+  std::string table;
+  for (const Preflight::Phase& phase : p.phases) {
+    table += fmt::format(" {} {},", phase.name, formatBytes(phase.bytes));
+  }
+  table.back() = '.';
+  fail(ExitCode::kMemoryOrDevice,
+       "needs about {}, allowed are {}:{} Make --max-memory larger, --size smaller, or use {}",
+       formatBytes(p.needed), formatBytes(p.allowed), table,
+       settings.device == RenderSettings::kNoDevice ? "a smaller model" : "--device none");
+}
+
+}  // namespace
+
+void checkSourceFits(const std::filesystem::path& source, const RenderSettings& settings) {
+  std::error_code problem;
+  const std::uint64_t size = std::filesystem::file_size(source, problem);
+  if (problem) return;  // the importer says what is wrong
+  std::string extension = source.extension().string();
+  for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  // Text takes more room in a file than in memory.
+  const std::uint64_t least = extension == ".obj" ? size / 4 : size / 2;
+  const std::uint64_t allowed = allowedBytes(settings);
+  if (residentBytes() + least > allowed) {
+    fail(ExitCode::kMemoryOrDevice,
+         "{}: {} of model need at least {} of memory, allowed are {}; make --max-memory larger",
+         source.string(), formatBytes(size), formatBytes(residentBytes() + least),
+         formatBytes(allowed));
+  }
+}
+
+Preflight preflight(const Scene& scene, const RenderSettings& settings,
+                    const PictureLayers& layers) {
+  Preflight p;
+  p.allowed = allowedBytes(settings);
+  const auto phase = [&p](const char* name, std::uint64_t bytes) {
+    p.phases.push_back({name, bytes});
+    p.needed = std::max(p.needed, bytes);
+    logVerbose("memory: {:>10} {}", formatBytes(bytes), name);
+  };
+  const std::uint64_t here = residentBytes(), unique = scene.uniqueTriangleCount();
+  const std::uint64_t meshes = unique * kMeshBytesATriangle;
+  const bool voxels = settings.exact < 1.0 && hasLight(scene);
+  const bool device = voxels && settings.device != RenderSettings::kNoDevice;
+  phase("now, with the source,", here);
+  phase("building meshes", here + unique * kBuildBytesATriangle);
+  if (voxels) {
+    phase("building voxels",
+          here + meshes + scene.triangleCount() * kPlacedBytes + 2 * kFewestVoxelBytes);
+  }
+  // Memory that was freed may stay with the process in part: half is counted on.
+  phase("rendering",
+        here - std::min(here, sourceBytes(scene) / 2) + meshes + (device ? kDeviceBytes : 0) +
+            (voxels ? kFewestVoxelBytes * kVoxelCopies : 0) + frameBytes(settings, layers));
+  logVerbose("memory: {:>10} allowed", formatBytes(p.allowed));
+  if (p.needed > p.allowed) refuse(p, settings);
+  if (voxels) {
+    p.voxelBytes = kFewestVoxelBytes + (p.allowed - p.needed) / kVoxelCopies;
+    // The device holds the tree, its light and flux, and batches of cones.
+    if (settings.maxGpuMemory > 0) {
+      p.voxelBytes = std::min(p.voxelBytes, settings.maxGpuMemory / 2);
+    }
+  }
+  return p;
+}
+
+}  // namespace trex

@@ -1,0 +1,24 @@
+// Any bytes as a .gltf file.
+#include <cstring>
+
+#include "tests/fuzz/fuzz.h"
+#include "tests/fuzz/json_mutator.h"
+
+int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+  trex::fuzz::importAndCheck(trex::fuzz::writeInput("input.gltf", {data, size}));
+  return 0;
+}
+
+std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size, std::size_t maxSize,
+                                    unsigned seed) {
+  std::minstd_rand random(seed);
+  if (random() % 4 != 0) {
+    const std::string text =
+        trex::fuzz::mutateJson(reinterpret_cast<const char*>(data), size, random);
+    if (!text.empty() && text.size() <= maxSize) {
+      std::memcpy(data, text.data(), text.size());
+      return text.size();
+    }
+  }
+  return LLVMFuzzerMutate(data, size, maxSize);
+}

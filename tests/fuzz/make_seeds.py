@@ -1,0 +1,160 @@
+#!/usr/bin/env python3
+"""Writes small valid models, where the fuzzing of the text formats starts.
+
+Usage: make_seeds.py FOLDER; makes FOLDER/{gltf,glb,ply,obj}/.
+"""
+import base64
+import json
+import os
+import struct
+import sys
+
+POSITIONS = (0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0)
+NORMALS = (0, 0, 1) * 4
+UVS = (0, 0, 1, 0, 0, 1, 1, 1)
+COLORS = (255, 0, 0, 255, 0, 255, 0, 255, 0, 0, 255, 255, 9, 9, 9, 0)
+INDICES = (0, 1, 2, 2, 1, 3)
+
+
+def plain():
+    """A document and its buffer: two triangles with positions and indices."""
+    data = struct.pack("<12f6H", *POSITIONS, *INDICES)
+    return {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "name": "n"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3"},
+                      {"bufferView": 1, "componentType": 5123, "count": 6, "type": "SCALAR"}],
+        "bufferViews": [{"buffer": 0, "byteLength": 48},
+                        {"buffer": 0, "byteOffset": 48, "byteLength": 12}],
+        "buffers": [{"byteLength": len(data)}]}, data
+
+
+def attributes():
+    """All vertex attributes, a textured material with every extension, transforms."""
+    data = struct.pack("<12f12f8f16B6I", *POSITIONS, *NORMALS, *UVS, *COLORS, *INDICES)
+    tree, _ = plain()
+    sizes = (48, 48, 32, 16, 24)
+    kinds = ((5126, 4, "VEC3"), (5126, 4, "VEC3"), (5126, 4, "VEC2"), (5121, 4, "VEC4"),
+             (5125, 6, "SCALAR"))
+    tree["bufferViews"] = [{"buffer": 0, "byteOffset": sum(sizes[:i]), "byteLength": size}
+                           for i, size in enumerate(sizes)]
+    tree["accessors"] = [{"bufferView": i, "componentType": c, "count": n, "type": t}
+                         for i, (c, n, t) in enumerate(kinds)]
+    tree["accessors"][3]["normalized"] = True
+    names = ("POSITION", "NORMAL", "TEXCOORD_0", "COLOR_0")
+    tree["meshes"] = [{"primitives": [
+        {"attributes": {name: i for i, name in enumerate(names)}, "indices": 4, "material": 0},
+        {"attributes": {"POSITION": 0}, "mode": 5}, {"attributes": {"POSITION": 0}, "mode": 6}]}]
+    texture = {"index": 0, "texCoord": 0}
+    tree["images"] = [{"uri": "data:image/png;base64,iVBORw0KGgo="}]
+    tree["samplers"] = [{"wrapS": 33071, "wrapT": 33648}]
+    tree["textures"] = [{"source": 0, "sampler": 0}]
+    tree["materials"] = [{
+        "name": "m", "alphaMode": "MASK", "alphaCutoff": 0.3, "doubleSided": True,
+        "emissiveFactor": [1, 0.5, 0], "emissiveTexture": texture,
+        "normalTexture": {"index": 0, "scale": 0.5},
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [1, 0.5, 0.2, 1], "metallicFactor": 0.5, "roughnessFactor": 0.3,
+            "metallicRoughnessTexture": texture,
+            "baseColorTexture": {"index": 0, "extensions": {"KHR_texture_transform": {
+                "offset": [0.5, 0], "rotation": 1, "scale": [2, 2], "texCoord": 0}}}},
+        "extensions": {
+            "KHR_materials_emissive_strength": {"emissiveStrength": 9},
+            "KHR_materials_specular": {"specularFactor": 0.5, "specularColorFactor": [1, 1, 0]},
+            "KHR_materials_ior": {"ior": 1.3},
+            "KHR_materials_transmission": {"transmissionFactor": 0.5},
+            "KHR_materials_volume": {"thicknessFactor": 1, "attenuationDistance": 2,
+                                     "attenuationColor": [1, 0.5, 0]}}}]
+    tree["nodes"] = [
+        {"children": [1, 2, 3, 4], "translation": [1, 2, 3], "rotation": [0, 0, 0.6, 0.8]},
+        {"mesh": 0, "scale": [1, -2, 3]},
+        {"mesh": 0, "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 5, 6, 7, 1]},
+        {"camera": 0}, {"camera": 1, "extensions": {"KHR_lights_punctual": {"light": 0}}}]
+    tree["cameras"] = [
+        {"type": "perspective", "name": "c", "perspective": {"yfov": 0.7, "znear": 0.1}},
+        {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1, "znear": 0, "zfar": 9}}]
+    tree["extensionsUsed"] = ["KHR_lights_punctual", "KHR_texture_transform"]
+    tree["extensions"] = {"KHR_lights_punctual": {"lights": [
+        {"type": "spot", "intensity": 5, "color": [1, 1, 0], "range": 9,
+         "spot": {"innerConeAngle": 0.1, "outerConeAngle": 0.5}},
+        {"type": "point"}, {"type": "directional"}]}}
+    return tree, data
+
+
+def sparse():
+    """Strided, sparse and quantised accessors."""
+    data = struct.pack("<12f", *POSITIONS) + struct.pack("<3B", 0, 1, 2) + b"\0"
+    data += struct.pack("<H2x3f", 1, 0.5, 0.5, 0.5) + struct.pack("<12h", *range(12))
+    tree, _ = plain()
+    tree["bufferViews"] = [
+        {"buffer": 0, "byteLength": 48, "byteStride": 12},
+        {"buffer": 0, "byteOffset": 48, "byteLength": 3}, {"buffer": 0, "byteOffset": 52, "byteLength": 2},
+        {"buffer": 0, "byteOffset": 56, "byteLength": 12}, {"buffer": 0, "byteOffset": 68, "byteLength": 24}]
+    tree["accessors"] = [
+        {"bufferView": 0, "componentType": 5126, "count": 4, "type": "VEC3", "sparse": {
+            "count": 1, "indices": {"bufferView": 2, "componentType": 5123}, "values": {"bufferView": 3}}},
+        {"bufferView": 1, "componentType": 5121, "count": 3, "type": "SCALAR"},
+        {"bufferView": 4, "componentType": 5122, "count": 4, "type": "VEC3", "normalized": True}]
+    tree["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = 2
+    tree["extensionsUsed"] = tree["extensionsRequired"] = ["KHR_mesh_quantization"]
+    return tree, data
+
+
+def gltf(tree, data):
+    uri = "data:application/octet-stream;base64," + base64.b64encode(data).decode()
+    tree["buffers"] = [{"byteLength": len(data), "uri": uri}]
+    return json.dumps(tree, separators=(",", ":")).encode()
+
+
+def glb(tree, data):
+    tree["buffers"] = [{"byteLength": len(data)}]
+    text = json.dumps(tree, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    data += b"\0" * (-len(data) % 4)
+    body = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(data), 0x004E4942) + data
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
+def ply():
+    header = ("ply\nformat {} 1.0\ncomment c\nelement vertex 4\nproperty {} x\nproperty {} y\nproperty {} z\n"
+              "{}element face 1\nproperty list uchar int vertex_indices\n{}end_header\n")
+    rest = "property float nx\nproperty float ny\nproperty float nz\nproperty float s\nproperty float t\n" \
+           "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar alpha\n"
+    rows = [POSITIONS[3 * i:3 * i + 3] for i in range(4)]
+    lines = "".join("{} {} {}\n".format(*row) for row in rows)
+    yield header.format("ascii", *["float"] * 3, "", "").encode() + f"{lines}4 0 1 3 2\n".encode()
+    full = "".join("{} {} {} 0 0 1 0.5 0.5 1 2 3 4\n".format(*row) for row in rows)
+    yield header.format("ascii", *["double"] * 3, rest, "element edge 1\nproperty list uint short a\n").encode() + \
+        f"{full}3 0 1 2\n2 7 8\n".encode()
+    for order, mark in (("binary_little_endian", "<"), ("binary_big_endian", ">")):
+        body = b"".join(struct.pack(mark + "3d5f4B", *row, 0, 0, 1, 0.5, 0.5, 1, 2, 3, 4) for row in rows)
+        body += struct.pack(mark + "B4i", 4, 0, 1, 3, 2)
+        yield header.format(order, *["double"] * 3, rest, "").encode() + body
+        body = b"".join(struct.pack(mark + "3f", *row) for row in rows) + struct.pack(mark + "B3iHb", 3, 0, 1, 2, 1, 5)
+        yield header.format(order, *["float"] * 3, "", "property list ushort char extra\n").encode() + body
+
+
+OBJ = [b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+       b"# c\no thing\ng a b\nv 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1\nv 0 1 0 1 1 1\nvt 0 0\nvt 1 1 0\n"
+       b"vn 0 0 1\ns 1\nf -4/1/1 -3/2/1 -2/1/1 -1/2/1\nf 1//1 2//1 3//1\nf 1/1 2/2 \\\n3/1\n",
+       b"mtllib input.mtl\nusemtl red\nv 0 0 0\nv 1e3 0 0\nv 0 1e-3 0\nf 1 2 3\nusemtl glass\nf 3 2 1\nl 1 2\np 1\n"
+       b"#mtl\nnewmtl red\nKd 1 0 0\nKe 2 2 2\nKs 0.5 0.5 0.5\nNs 50\nmap_Kd -s 1 1 1 -o 0.5 0 0 a.png\n"
+       b"newmtl glass\nNi 1.5\nd 0.5\nTr 0.5\nillum 7\nPr 0.2\nPm 1\nmap_Ke b.png\nmap_d a.png\nbump -bm 0.5 n.png\n"]
+
+
+def main(folder):
+    models = [plain(), attributes(), sparse()]
+    seeds = {"gltf": [gltf(*m) for m in models], "glb": [glb(*m) for m in models],
+             "ply": list(ply()), "obj": OBJ}
+    for name, inputs in seeds.items():
+        os.makedirs(os.path.join(folder, name), exist_ok=True)
+        for i, data in enumerate(inputs):
+            with open(os.path.join(folder, name, f"seed-{i}.{name}"), "wb") as f:
+                f.write(data)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) != 2:
+        sys.exit("usage: make_seeds.py FOLDER")
+    main(sys.argv[1])

@@ -1,0 +1,104 @@
+// Small scenes against committed references with known variance (refs/, made by make_refs.py). The
+// exact mode has to pass z-tests; the guess has a bound on its bias a scene. On failure image,
+// reference, heat map and p-values are written to the artefact folder.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <ostream>
+
+#include "src/scene/import.h"
+#include "tests/image/reference.h"
+#include "tests/image/rendered.h"
+
+namespace trex::test {
+namespace {
+
+constexpr std::uint32_t kSide = 64, kGuessSamples = 96;
+
+struct Case {
+  const char* name;
+  std::uint32_t exactSamples;
+  /// Limits of the guess, relative: of the picture's mean, and of its worst block of 8 x 8 pixels.
+  double rayMean, rayBlock, coneMean, coneBlock;
+};
+
+void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
+
+// Limits a little above what docs/tests.md reports.
+constexpr Case kCases[] = {
+    {"glossy", 512, 0.03, 0.1, 0.12, 0.52},   {"emitters", 512, 0.01, 0.17, 0.02, 0.22},
+    {"slit", 1024, 0.01, 0.17, 0.115, 0.36},  {"sun", 512, 0.01, 0.06, 0.03, 0.38},
+    {"glass", 512, 0.01, 0.07, 0.045, 0.4},   {"instances", 512, 0.025, 0.1, 0.085, 0.45},
+    {"texture", 512, 0.01, 0.05, 0.03, 0.12}, {"point", 512, 0.01, 0.025, 0.03, 0.1},
+    {"coats", 512, 0.025, 0.11, 0.095, 0.38},
+};
+
+std::string nameOf(const testing::TestParamInfo<Case>& info) { return info.param.name; }
+
+class Image : public testing::TestWithParam<Case> {
+ protected:
+  void checkGuess(int device, GuessKind guess, const std::string& title) {
+    const Case& c = GetParam();
+    const bool cone = guess == GuessKind::kCone;
+    const double meanLimit = cone ? c.coneMean : c.rayMean;
+    const double blockLimit = cone ? c.coneBlock : c.rayBlock;
+    const Rendered reference = readReference(c.name);
+    RenderSettings settings = settingsFor(kSide, 0.0, kGuessSamples, 3, device);
+    settings.guess = guess;
+    const Rendered image = render(importTestScene(c.name), settings);
+    const Comparison result = compare(image, reference);
+    report(fmt::format("{} {}, mean bias", c.name, title), result.meanRatio - 1.0, meanLimit);
+    report(fmt::format("{} {}, worst block", c.name, title), result.worstBlock, blockLimit);
+    EXPECT_NEAR(result.meanRatio, 1.0, meanLimit);
+    EXPECT_LT(result.worstBlock, blockLimit);
+    if (HasFailure()) keepArtefacts(fmt::format("{}-{}", c.name, title), image, reference);
+  }
+};
+
+/// At most a quarter percent of the pixels may fail: variances estimated from few samples are too
+/// small where a rare path carries much light. Blocks of 64 pixels do not need that allowance.
+TEST_P(Image, ExactModeMatchesTheReference) {
+  const Case& c = GetParam();
+  const Rendered reference = readReference(c.name);
+  const Rendered image = render(importTestScene(c.name), settingsFor(kSide, 1.0, c.exactSamples));
+  const Comparison result = compare(image, reference);
+  const std::string name = std::string(c.name) + " exact";
+  report(name + " pixels failed", 1.0 - result.pixelsPassed, 0.0025);
+  report(name + " p of the worst block", result.blockP, 0.01);
+  const double meanVariance = image.totalVariance.x + image.totalVariance.y +
+                              image.totalVariance.z + reference.totalVariance.x +
+                              reference.totalVariance.y + reference.totalVariance.z;
+  const double sum = reference.total.x + reference.total.y + reference.total.z;
+  const double limit = 0.003 + 3.0 * std::sqrt(meanVariance) / sum;
+  report(name + " mean bias", result.meanRatio - 1.0, limit);
+  EXPECT_GE(result.pixelsPassed, 0.9975);
+  EXPECT_GT(result.blockP, 0.01);
+  EXPECT_NEAR(result.meanRatio, 1.0, limit);
+  if (HasFailure()) keepArtefacts(std::string(c.name) + "-exact", image, reference);
+}
+
+TEST_P(Image, GuessIsClose) {
+  checkGuess(RenderSettings::kNoDevice, GuessKind::kRay, "guess-ray-none");
+}
+TEST_P(Image, GuessOfTheDeviceIsClose) {
+  checkGuess(RenderSettings::kBestDevice, GuessKind::kRay, "guess-ray-device");
+}
+/// What devices with cores of their own do.
+TEST_P(Image, ConesOfTheDeviceAreClose) {
+  checkGuess(RenderSettings::kBestDevice, GuessKind::kCone, "guess-cone-device");
+}
+
+/// The z-tests above would notice a picture that is 2 % too bright.
+TEST(ImageComparison, NoticesTwoPercent) {
+  const Rendered reference = readReference("point");
+  Rendered image = render(importTestScene("point"), settingsFor(kSide, 1.0, 128));
+  EXPECT_GT(compare(image, reference).blockP, 0.01);
+  for (dvec3& m : image.mean) m *= 1.02;
+  EXPECT_LT(compare(image, reference).blockP, 1e-6);
+}
+
+INSTANTIATE_TEST_SUITE_P(Scenes, Image, testing::ValuesIn(kCases), nameOf);
+
+}  // namespace
+}  // namespace trex::test

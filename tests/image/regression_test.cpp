@@ -1,0 +1,255 @@
+// The regression scenes: each is one way in which a renderer of this kind goes wrong, with a number
+// and a limit. docs/tests.md has the table.
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+
+#include <glm/gtc/matrix_transform.hpp>
+
+#include "src/crays/integrator.h"
+#include "tests/image/reference.h"
+#include "tests/image/rendered.h"
+#include "tests/unit/scenes.h"
+
+namespace trex::test {
+namespace {
+
+const char* nameOf(GuessKind guess) { return guess == GuessKind::kCone ? "cone" : "ray"; }
+constexpr GuessKind kGuesses[] = {GuessKind::kRay, GuessKind::kCone};
+
+RenderSettings guessSettings(std::uint32_t side, std::uint32_t samples, GuessKind guess) {
+  RenderSettings s = settingsFor(side, 0.0, samples, 3);
+  s.guess = guess;
+  return s;
+}
+
+// --- A closed room in the sun
+
+constexpr float kRoomAlbedo = 0.5f, kSun = 1.0f;  // W/m^2 on a surface that faces the sun
+constexpr int kLeakDepth = 6;
+
+/// A room of 4 x 2.5 x 4 m with walls of `wall` metres above a ground that fixes the voxels' size.
+Scene closedRoom(float wall) {
+  Scene scene;
+  scene.materials = {lambert(kRoomAlbedo)};
+  const vec3 lower(-2.0f, 1.0f, -2.0f), upper(2.0f, 3.5f, 2.0f);
+  place(scene, box(lower, upper, 0, true));
+  place(scene, box(lower - wall, upper + wall, 0, false));
+  place(scene, box(vec3(-6.0f, -0.5f, -6.0f), vec3(6.0f, 0.0f, 6.0f), 0, false));
+  Light sun;
+  sun.type = Light::Type::kDirectional;
+  sun.direction = glm::normalize(vec3(-1.0f, -1.4f, -0.6f));
+  sun.intensity = vec3(kSun);
+  scene.lights = {sun};
+  scene.cameras = {lookAt(dvec3(1.2, 2.1, 1.3), dvec3(-2.0, 2.0, -2.0), 1.5f)};
+  return scene;
+}
+
+/// Radiosity seen inside, percent of the sun's irradiance.
+double leakOf(const Rendered& image) {
+  return 100.0 * std::numbers::pi * image.total.y / double{kSun};
+}
+
+double leafSize() {
+  const Model model = makeModel(closedRoom(0.1f), {.voxelDepth = kLeakDepth});
+  return static_cast<double>(model.voxels->info.size) / (1 << kLeakDepth);
+}
+
+struct LeakCase {
+  double leaves;             ///< thickness of the walls
+  double rayMost, coneMost;  ///< percent
+};
+
+class Leak : public testing::TestWithParam<LeakCase> {};
+
+TEST_P(Leak, ClosedRoomStaysDark) {
+  const LeakCase& c = GetParam();
+  const Scene scene = closedRoom(static_cast<float>(c.leaves * leafSize()));
+  EXPECT_EQ(leakOf(render(scene, settingsFor(48, 1.0, 16))), 0.0);
+  for (GuessKind guess : kGuesses) {
+    const Rendered image = render(scene, guessSettings(48, 64, guess), kLeakDepth);
+    const double limit = guess == GuessKind::kRay ? c.rayMost : c.coneMost;
+    const std::string name = fmt::format("leak {} {} leaves, percent", nameOf(guess), c.leaves);
+    report(name, leakOf(image), limit);
+    EXPECT_LT(leakOf(image), limit);
+    if (HasFailure()) keepArtefact(name, image);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Walls, Leak,
+                         testing::Values(LeakCase{0.5, 0.4, 0.7}, LeakCase{1.0, 0.07, 0.12},
+                                         LeakCase{2.0, 0.05, 0.1}, LeakCase{4.0, 0.01, 0.015}));
+
+// --- A furnace: closed walls that emit 1 - albedo. Radiance is 1 everywhere.
+
+Scene normalisedFurnace(float albedo) {
+  Scene scene = furnace(albedo);
+  scene.materials[0].emission = vec3(1.0f - albedo);
+  return scene;
+}
+
+class Furnace : public testing::TestWithParam<float> {};
+
+TEST_P(Furnace, RadianceIsOne) {
+  const Scene scene = normalisedFurnace(GetParam());
+  const Rendered exact = render(scene, settingsFor(64, 1.0, 512));
+  report(fmt::format("furnace {} exact, error", GetParam()), exact.total.x - 1.0, 0.001);
+  EXPECT_NEAR(exact.total.x, 1.0, 0.001);
+  for (GuessKind guess : kGuesses) {
+    const Rendered image = render(scene, guessSettings(64, 64, guess));
+    const double limit = guess == GuessKind::kRay ? 0.03 : 0.06;
+    report(fmt::format("furnace {} {}, error", GetParam(), nameOf(guess)), image.total.x - 1.0,
+           limit);
+    EXPECT_NEAR(image.total.x, 1.0, limit);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Albedos, Furnace, testing::Values(0.5f, 0.9f));
+
+// --- Two rooms and a slit
+
+TEST(Slit, DarkRoomIsAsBrightAsInTheReference) {
+  const Rendered reference = readReference("slit");
+  for (GuessKind guess : kGuesses) {
+    const Rendered image = render(importTestScene("slit"), guessSettings(64, 128, guess));
+    const double limit = guess == GuessKind::kRay ? 0.01 : 0.115;
+    report(fmt::format("slit {}, mean ratio - 1", nameOf(guess)), ratio(image, reference) - 1.0,
+           limit);
+    EXPECT_NEAR(ratio(image, reference), 1.0, limit);
+    if (HasFailure()) keepArtefacts(fmt::format("slit-{}", nameOf(guess)), image, reference);
+  }
+}
+
+// --- A turned scene
+
+/// The scene, its lights and its cameras moved by a rigid transform.
+Scene moved(Scene scene, const dmat4& by) {
+  const auto turn = [&](const vec3& v) { return vec3(glm::dmat3(by) * dvec3(v)); };
+  const auto point = [&](const dvec3& p) { return dvec3(by * glm::dvec4(p, 1.0)); };
+  for (Instance& i : scene.instances) i.transform = by * i.transform;
+  for (Light& l : scene.lights) l.position = point(l.position), l.direction = turn(l.direction);
+  for (Camera& c : scene.cameras) {
+    c.eye = point(c.eye);
+    c.forward = turn(c.forward);
+    c.up = turn(c.up);
+  }
+  return scene;
+}
+
+Scene turnedCornell(double degrees) {
+  const dvec3 axis = glm::normalize(dvec3(0.3, 1.0, 0.2));
+  return moved(importTestScene("cornell"), glm::rotate(dmat4(1.0), glm::radians(degrees), axis));
+}
+
+TEST(Turned, MeansAgree) {
+  const Rendered exact = render(turnedCornell(0.0), settingsFor(64, 1.0, 256));
+  const Rendered guess[2] = {render(turnedCornell(0.0), guessSettings(64, 128, GuessKind::kRay)),
+                             render(turnedCornell(0.0), guessSettings(64, 128, GuessKind::kCone))};
+  for (double degrees : {15.0, 45.0}) {
+    const Rendered turned = render(turnedCornell(degrees), settingsFor(64, 1.0, 256, 2));
+    const double z = (turned.total.y - exact.total.y) /
+                     std::sqrt(turned.totalVariance.y + exact.totalVariance.y);
+    report(fmt::format("turned {} exact, deviations", degrees), z, 3.0);
+    EXPECT_LT(std::abs(z), 3.0);
+    for (int g = 0; g < 2; ++g) {
+      const Rendered image = render(turnedCornell(degrees), guessSettings(64, 128, kGuesses[g]));
+      const double limit = kGuesses[g] == GuessKind::kRay ? 0.02 : 0.03;
+      report(fmt::format("turned {} {}, mean ratio - 1", degrees, nameOf(kGuesses[g])),
+             ratio(image, guess[g]) - 1.0, limit);
+      EXPECT_NEAR(ratio(image, guess[g]), 1.0, limit);
+    }
+  }
+}
+
+// --- A glossy floor
+
+/// Number of the strip of the glossy scene that a pixel shows, whole; -1 if none.
+int stripAt(const CameraRays& camera, std::uint32_t x, std::uint32_t y) {
+  int strip = -1;
+  for (int corner = 0; corner < 4; ++corner) {
+    vec3 origin, direction;
+    camera.ray(static_cast<float>(x + (corner & 1)), static_cast<float>(y + (corner >> 1)), origin,
+               direction);
+    if (direction.y >= 0.0f) return -1;
+    const vec3 p = origin + direction * ((0.01f - origin.y) / direction.y);
+    const float across = (p.x + 1.9f) / 0.76f;
+    const auto number = static_cast<int>(std::floor(across));
+    const bool inside = std::abs(p.x) < 1.9f && p.z > -1.4f && p.z < 1.5f &&
+                        across - static_cast<float>(number) < 0.72f / 0.76f;
+    if (!inside || (corner > 0 && number != strip)) return -1;
+    strip = number;
+  }
+  return strip;
+}
+
+TEST(Glossy, EveryStripIsAsBrightAsInTheReference) {
+  const Rendered reference = readReference("glossy");
+  const Scene scene = importTestScene("glossy");
+  const CameraRays camera(scene.cameras.front(), dvec3(0.0), 64, 64);
+  for (GuessKind guess : kGuesses) {
+    const Rendered image = render(scene, guessSettings(64, 128, guess));
+    double ours[5] = {}, theirs[5] = {};
+    for (std::uint32_t i = 0; i < 64 * 64; ++i) {
+      const int strip = stripAt(camera, i % 64, i / 64);
+      if (strip < 0) continue;
+      ours[strip] += image.mean[i].y;
+      theirs[strip] += reference.mean[i].y;
+    }
+    constexpr double kRoughness[5] = {0.05, 0.1, 0.2, 0.35, 0.5};
+    // Cones find no light on metals, so what stands in mirrors is too dark.
+    const double limit = guess == GuessKind::kRay ? 0.05 : 0.45;
+    for (int s = 0; s < 5; ++s) {
+      report(fmt::format("glossy {} roughness {}, mean ratio - 1", nameOf(guess), kRoughness[s]),
+             ours[s] / theirs[s] - 1.0, limit);
+      EXPECT_NEAR(ours[s] / theirs[s], 1.0, limit);
+    }
+    if (HasFailure()) keepArtefacts(fmt::format("glossy-{}", nameOf(guess)), image, reference);
+  }
+}
+
+// --- Small emitters
+
+TEST(Emitters, WallOfSmallLampsIsAsBrightAsInTheReference) {
+  const Rendered reference = readReference("emitters");
+  for (GuessKind guess : kGuesses) {
+    const Rendered image = render(importTestScene("emitters"), guessSettings(64, 128, guess));
+    report(fmt::format("emitters {}, mean ratio - 1", nameOf(guess)), ratio(image, reference) - 1.0,
+           0.02);
+    EXPECT_NEAR(ratio(image, reference), 1.0, 0.02);
+    if (HasFailure()) keepArtefacts(fmt::format("emitters-{}", nameOf(guess)), image, reference);
+  }
+}
+
+// --- Far from the origin
+
+TEST(Far, PictureStaysTheSame) {
+  for (double exact : {1.0, 0.25}) {
+    const RenderSettings settings = settingsFor(96, exact, 64);
+    const Rendered here = render(importTestScene("cornell"), settings);
+    for (double metres : {1e4, 5e6}) {
+      const dmat4 away = glm::translate(dmat4(1.0), dvec3(metres, -0.5 * metres, metres));
+      const Rendered there = render(moved(importTestScene("cornell"), away), settings);
+      const double limit = exact < 1.0 ? 0.02 : 0.01;
+      const std::string name = fmt::format("far {} m, exact {}, FLIP", metres, exact);
+      report(name, flip(there, here), limit);
+      EXPECT_LE(flip(there, here), limit);
+      if (HasFailure()) keepArtefacts(name, there, here);
+    }
+  }
+}
+
+// --- Threads
+
+TEST(Threads, OneAndManyGiveEqualBits) {
+  for (double exact : {0.0, 0.25, 1.0}) {
+    const RenderSettings settings = settingsFor(96, exact, 4);
+    const Rendered many = render(importTestScene("cornell"), settings);
+    const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
+    const Rendered one = render(importTestScene("cornell"), settings);
+    EXPECT_EQ(many.mean, one.mean) << exact;
+    EXPECT_EQ(many.variance, one.variance) << exact;
+  }
+}
+
+}  // namespace
+}  // namespace trex::test

@@ -1,0 +1,170 @@
+#!/usr/bin/env python3
+"""`trex bench tradeoff` on a tiny scene: the document's keys, the page, the charts, wrong uses."""
+import argparse, html.parser, json, os, shutil, subprocess, sys, tempfile, unittest
+import xml.etree.ElementTree
+
+from exr_file import exr_bytes
+
+TREX = ASSETS = None
+SVG = "{http://www.w3.org/2000/svg}"
+VOID = {"meta", "img", "br"}
+
+
+def run(*arguments):
+    return subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=600)
+
+
+class Page(html.parser.HTMLParser):
+    """Checks that tags nest, and counts them."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.open, self.counts, self.sources = [], {}, []
+        self.feed(text)
+        self.close()
+        if self.open:
+            raise ValueError(f"not closed: {self.open}")
+
+    def handle_starttag(self, tag, attributes):
+        self.counts[tag] = self.counts.get(tag, 0) + 1
+        self.sources += [value for name, value in attributes if name in ("src", "href")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attributes):
+        self.counts[tag] = self.counts.get(tag, 0) + 1
+
+    def handle_endtag(self, tag):
+        if not self.open or self.open.pop() != tag:
+            raise ValueError(f"</{tag}> does not close what is open")
+
+
+class BenchTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.mkdtemp(prefix="trex-bench-")
+        cls.cornell = os.path.join(ASSETS, "cornell.glb")
+        cls.report = os.path.join(cls.folder, "report.json")
+        cls.result = run("bench", "tradeoff", cls.cornell, "--size", "32x32", "--seconds", 1, "--exact", "0,0.25,1",
+                         "--reference-seconds", 1, "--device", "none", "--json", cls.report,
+                         "--html", os.path.join(cls.folder, "report.html"), "--svg", os.path.join(cls.folder, "svg"))
+
+    @classmethod
+    def tearDownClass(cls):
+        shutil.rmtree(cls.folder)
+
+    def document(self):
+        self.assertEqual(self.result.returncode, 0, self.result.stderr)
+        with open(self.report) as f:
+            return json.load(f)
+
+    def check_page(self, path, pictures):
+        with open(path) as f:
+            page = Page(f.read())
+        self.assertEqual(page.counts["img"], pictures)
+        self.assertEqual(page.counts["svg"], 2)
+        self.assertNotIn("script", page.counts)
+        for source in page.sources:
+            self.assertTrue(source.startswith("data:image/png;base64,iVBORw0KGgo"), source[:60])
+
+    def check_chart(self, path, curves):
+        root = xml.etree.ElementTree.parse(path).getroot()
+        self.assertEqual(root.tag, SVG + "svg")
+        lines = root.findall(SVG + "polyline")
+        self.assertEqual(len(lines), curves)
+        for line in lines:
+            for point in line.get("points").split():
+                x, y = map(float, point.split(","))
+                self.assertTrue(70 <= x <= 500 and 70 <= y <= 350, point)
+
+    def test_document(self):
+        d = self.document()
+        self.assertEqual(d["bench"], "tradeoff")
+        self.assertTrue(d["machine"]["cpu"])
+        self.assertEqual((d["settings"]["width"], d["settings"]["exact"]), (32, [0, 0.25, 1]))
+        scene, = d["scenes"]
+        self.assertEqual(scene["name"], "cornell")
+        for key in ("import_seconds", "mesh_build_seconds", "voxel_build_seconds"):
+            self.assertGreaterEqual(scene["setup"][key], 0)
+        self.assertGreater(scene["reference"]["samples"], 0)
+        self.assertEqual([r["exact"] for r in scene["runs"]], [0, 0.25, 1])
+        for r in scene["runs"]:
+            times = [p["seconds"] for p in r["points"]]
+            self.assertEqual(times, sorted(set(times)))
+            self.assertGreaterEqual(times[-1], 0.9)
+            self.assertLessEqual(len(times), 3)
+            for p in r["points"]:
+                self.assertGreater(p["samples"], 0)
+                self.assertGreater(p["relmse"], 0)
+                self.assertTrue(0 < p["flip"] < 1)
+                self.assertAlmostEqual(p["mean_ratio"], 1, delta=0.3)
+            for key in ("c_rays", "shadow_rays", "g_rays", "cache_reads", "exact_paths"):
+                self.assertIn(key, r["rays"])
+            shares = [v for k, v in r["rays"].items() if k.endswith("_share")]
+            self.assertAlmostEqual(sum(shares), 1, places=9)
+        guess, mixed, exact = scene["runs"]
+        self.assertIsNone(guess["slope"])
+        self.assertGreater(guess["points"][-1]["filter_seconds"], 0)
+        self.assertEqual(exact["points"][-1]["filter_seconds"], 0)
+        self.assertEqual((exact["photons"], exact["rays"]["cache_reads"]), (0, 0))
+        self.assertGreater(mixed["photons"], 0)
+
+    def test_page_and_charts(self):
+        self.document()
+        self.check_page(os.path.join(self.folder, "report.html"), 8)
+        for metric in ("relmse", "flip"):
+            self.check_chart(os.path.join(self.folder, "svg", f"cornell-{metric}.svg"), 3)
+
+    def test_draws_a_report_again_with_peers(self):
+        d = self.document()
+        point = dict(d["scenes"][0]["runs"][2]["points"][-1])
+        d["scenes"][0]["peers"] = [{"renderer": "another <renderer>", "start_seconds": 1.5,
+                                    "points": [point, {**point, "seconds": point["seconds"] * 2}]}]
+        path = os.path.join(self.folder, "peers.json")
+        with open(path, "w") as f:
+            json.dump(d, f)
+        page, charts = os.path.join(self.folder, "peers.html"), os.path.join(self.folder, "peers")
+        result = run("bench", "tradeoff", "--from", path, "--html", page, "--svg", charts)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.check_page(page, 8)
+        self.check_chart(os.path.join(charts, "cornell-relmse.svg"), 4)
+
+    def test_wrong_uses(self):
+        reference = os.path.join(self.folder, "reference.exr")
+        with open(reference, "wb") as f:
+            f.write(exr_bytes(4, 4, {c: [0.5] * 16 for c in "RGB"}))
+        broken, empty = os.path.join(self.folder, "broken.json"), os.path.join(self.folder, "empty.json")
+        for path, text in ((broken, "{"), (empty, '{"bench": "tradeoff"}')):
+            with open(path, "w") as f:
+                f.write(text)
+        page = os.path.join(self.folder, "no.html")
+        for code, arguments, says in (
+                (2, [], "SCENE"), (2, [self.cornell, "--exact", "0,2"], "2"),
+                (2, [self.cornell, "--exact", "nan"], "nan"), (2, [self.cornell, "--seconds", "0"], "seconds"),
+                (2, [self.cornell, "--seconds", "nan"], "seconds"), (2, [self.cornell, "--size", "1"], "WxH"),
+                (2, [self.cornell, "--device", "gpu"], "gpu"), (2, [self.cornell, "--env", "attic=1,1,1"], "attic"),
+                (2, [self.cornell, "--reference", reference, "--reference", reference], "2 given"),
+                (2, [self.cornell, "--from", self.report], "--from"),
+                (3, [self.cornell, "--reference", reference, "--size", "8x8"], "4x4"),
+                (3, [self.cornell, "--reference", os.path.join(self.folder, "none.exr")], "none.exr"),
+                (3, [os.path.join(self.folder, "none.glb"), "--seconds", 1], "none.glb"),
+                (3, ["--from", broken, "--html", page], "broken.json"), (3, ["--from", empty, "--html", page], "lacks"),
+                (3, ["--from", os.path.join(self.folder, "none.json")], "none.json"),
+                (5, [self.cornell, "--html", os.path.join(self.folder, "no/a.html")], "no folder"),
+                (5, [self.cornell, "--json", os.path.join(self.folder, "no/a.json")], "no folder")):
+            with self.subTest(arguments=arguments):
+                result = run("bench", "tradeoff", *arguments)
+                self.assertEqual(result.returncode, code, result.stderr)
+                self.assertIn(says, result.stderr)
+                self.assertEqual(result.stderr.count("error:"), 1, result.stderr)
+        self.assertEqual(run("bench").returncode, 2)
+        self.assertFalse(os.path.exists(page))
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--trex", required=True)
+    parser.add_argument("--assets", required=True)
+    options, rest = parser.parse_known_args()
+    TREX, ASSETS = options.trex, options.assets
+    unittest.main(argv=[sys.argv[0], *rest], verbosity=2)

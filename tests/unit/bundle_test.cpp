@@ -1,0 +1,213 @@
+// Bundles as they should be: the same bits back, equal bytes, sources compared.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <tbb/global_control.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <random>
+
+#include "src/core/error.h"
+#include "src/core/file.h"
+#include "tests/unit/bundle_scene.h"
+
+namespace trex {
+namespace {
+
+namespace fs = std::filesystem;
+using test::littleFacts;
+using test::littleModel;
+
+class BundleTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::temp_directory_path() / fmt::format("trex-bundle-{}", ::getpid());
+    fs::create_directories(folder_);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  fs::path write(const char* name, const std::string& text) const {
+    std::ofstream(folder_ / name, std::ios::binary) << text;
+    return folder_ / name;
+  }
+  fs::path folder_;
+};
+
+Model modelOf(BundleContents contents) {
+  Model model;
+  model.scene = std::move(contents.description.scene);
+  model.rays = std::make_unique<RayScene>(model.scene, std::move(contents.parts));
+  model.voxels = std::move(contents.voxels);
+  return model;
+}
+
+TEST_F(BundleTest, SavingWhatWasReadGivesTheSameBytes) {
+  const auto bytes = bundleBytes(littleModel(), littleFacts());
+  const Model again = modelOf(test::readBuffer(bytes));
+  EXPECT_EQ(again.rays->parts().shared.size(), 1u);
+  EXPECT_EQ(again.rays->parts().placed.size(), 3u);
+  EXPECT_TRUE(bundleBytes(again, littleFacts()) == bytes);
+}
+
+TEST_F(BundleTest, TextsDoNotHoldTheModelsFolder) {
+  const auto bytes = bundleBytes(littleModel(), littleFacts());
+  const BundleContents contents = test::readBuffer(bytes);
+  EXPECT_EQ(contents.description.input, "little.glb");
+  ASSERT_EQ(contents.description.scene.warnings.size(), 1u);
+  EXPECT_EQ(contents.description.scene.warnings[0], "little.glb: something \"odd\"");
+}
+
+TEST_F(BundleTest, KeepsEveryNumber) {
+  const Scene scene = test::littleOfEverything();
+  const auto bytes = bundleBytes(littleModel(), littleFacts());
+  const Scene got = test::readBuffer(bytes).description.scene;
+  ASSERT_EQ(got.materials.size(), scene.materials.size());
+  const Material &a = got.materials[3], &b = scene.materials[3];
+  EXPECT_EQ(a.name, b.name);
+  EXPECT_EQ(a.attenuationDistance, b.attenuationDistance);
+  EXPECT_TRUE(std::signbit(a.normalScale));
+  EXPECT_EQ(a.baseColor, b.baseColor);
+  EXPECT_EQ(a.alphaMode, AlphaMode::kMask);
+  EXPECT_EQ(got.materials[2].baseColorTexture.wrapT, Texture::Wrap::kMirror);
+  EXPECT_EQ(got.lights[0].position, scene.lights[0].position);
+  EXPECT_EQ(got.lights[0].range, kInfinity);
+  EXPECT_EQ(got.lights[1].range, 12.7f);
+  EXPECT_EQ(got.images[0].bytes, scene.images[0].bytes);
+  EXPECT_EQ(got.images[1].floats, scene.images[1].floats);
+  EXPECT_EQ(got.environment.map->floats, scene.environment.map->floats);
+  EXPECT_EQ(got.meshes[1].positions, scene.meshes[1].positions);
+  EXPECT_EQ(got.meshes[1].triangles, scene.meshes[1].triangles);
+  EXPECT_TRUE(got.meshes[2].positions.empty());
+  EXPECT_EQ(got.instances[4].transform, scene.instances[4].transform);
+}
+
+TEST_F(BundleTest, RaysMeetTheSameBits) {
+  const Model source = littleModel();
+  const auto bytes = bundleBytes(source, littleFacts());
+  const Model baked = modelOf(test::readBuffer(bytes));
+  std::mt19937 random(5);
+  std::uniform_real_distribution<float> place(-3.5f, 3.5f);
+  int hits = 0, instanced = 0;
+  for (int i = 0; i < 20'000; ++i) {
+    const vec3 origin(place(random), place(random), place(random));
+    const vec3 target(place(random), place(random), place(random));
+    const vec3 direction = glm::normalize(target - origin);
+    RayHit a, b;
+    const bool hit = source.rays->intersect(origin, direction, 0.0f, kInfinity, a);
+    ASSERT_EQ(baked.rays->intersect(origin, direction, 0.0f, kInfinity, b), hit);
+    if (!hit) continue;
+    ASSERT_EQ(std::memcmp(&a, &b, sizeof(a)), 0) << "ray " << i;
+    const Surface s = source.rays->surface(a), t = baked.rays->surface(b);
+    ASSERT_EQ(std::memcmp(&s, &t, sizeof(s)), 0) << "ray " << i;
+    ++hits;
+    instanced += a.instance != RayScene::kWorldMesh;
+  }
+  EXPECT_GT(hits, 19'000);
+  EXPECT_GT(instanced, 500);
+}
+
+TEST_F(BundleTest, EqualInputGivesEqualBytesForAnyThreads) {
+  const auto all = bundleBytes(littleModel(), littleFacts());
+  const tbb::global_control one(tbb::global_control::max_allowed_parallelism, 1);
+  EXPECT_TRUE(bundleBytes(littleModel(), littleFacts()) == all);
+}
+
+TEST_F(BundleTest, MeshesAreUsedInTheMappedFile) {
+  const fs::path path = folder_ / "x.trex";
+  saveBundle(path, littleModel(), littleFacts(), [](auto, auto) { return true; });
+  const auto bytes = mapFile(path);
+  const BundleContents contents = readBundle(*bytes, bytes, "x.trex");
+  const std::byte* at = contents.parts.shared[0].bytes().data();
+  EXPECT_GE(at, bytes->data());
+  EXPECT_LT(at, bytes->data() + bytes->size());
+  EXPECT_EQ(reinterpret_cast<std::uintptr_t>(at) % bundle::kAlignment, 0u);
+}
+
+TEST_F(BundleTest, ViewsOfMeshesMustBeAligned) {
+  const Model model = littleModel(0);
+  const auto mesh = model.rays->parts().world.bytes();
+  std::vector<std::byte> shifted(4);
+  shifted.insert(shifted.end(), mesh.begin(), mesh.end());
+  const auto view = std::span<const std::byte>(shifted).subspan(4);
+  EXPECT_THROW(hccm::Mesh::fromView(view, nullptr), hccm::FormatError);
+  EXPECT_NO_THROW(hccm::Mesh::fromView(mesh, nullptr));
+}
+
+TEST_F(BundleTest, InterruptedSaveLeavesNothingAndKeepsTheOldFile) {
+  const fs::path path = write("x.trex", "old");
+  try {
+    saveBundle(path, littleModel(), littleFacts(), [](auto, auto) { return false; });
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_EQ(e.code(), ExitCode::kInterrupted);
+  }
+  EXPECT_EQ(fs::file_size(path), 3u);
+  EXPECT_EQ(std::distance(fs::directory_iterator(folder_), fs::directory_iterator()), 1);
+}
+
+TEST_F(BundleTest, SourcesAreComparedByContentWhereTimeDiffers) {
+  const fs::path model = write("model.ply", "content");
+  const fs::path target = folder_ / "x.trex";
+  const auto files = hashSources({examineSource(model)}, target);
+  ASSERT_EQ(files.size(), 1u);
+  EXPECT_EQ(files[0].file.path, "model.ply");
+  EXPECT_EQ(compareSource(target, files[0]), SourceState::kUnchanged);
+  const auto time = fs::last_write_time(model);
+  fs::last_write_time(model, time + std::chrono::seconds(5));
+  EXPECT_EQ(compareSource(target, files[0]), SourceState::kUnchanged);
+  write("model.ply", "c0ntent");
+  fs::last_write_time(model, time + std::chrono::seconds(9));
+  EXPECT_EQ(compareSource(target, files[0]), SourceState::kChanged);
+  write("model.ply", "longer content");
+  EXPECT_EQ(compareSource(target, files[0]), SourceState::kChanged);
+  fs::remove(model);
+  EXPECT_EQ(compareSource(target, files[0]), SourceState::kAbsent);
+}
+
+TEST_F(BundleTest, ASourceThatChangesWhileItIsBakedIsAnError) {
+  const fs::path model = write("model.ply", "content");
+  const SourceFile before = examineSource(model);
+  write("model.ply", "other content");
+  EXPECT_THROW(hashSources({before}, folder_ / "x.trex"), Error);
+}
+
+TEST_F(BundleTest, TemporariesOfDeadProcessesAreRemoved) {
+  const pid_t child = ::fork();
+  if (child == 0) ::_exit(0);
+  ASSERT_EQ(::waitpid(child, nullptr, 0), child);
+  const std::string dead = fmt::format(".x.{}.tmp.trex", child);
+  const std::string alive = fmt::format(".x.{}.tmp.trex", ::getpid());
+  const std::string other = fmt::format(".y.{}.tmp.trex", child);
+  for (const std::string& name : {dead, alive, other}) write(name.c_str(), "rest");
+  const auto removed = removeDeadTemporaries(folder_ / "x.trex");
+  ASSERT_EQ(removed.size(), 1u);
+  EXPECT_EQ(removed[0].filename(), dead);
+  EXPECT_FALSE(fs::exists(folder_ / dead));
+  EXPECT_TRUE(fs::exists(folder_ / alive));
+  EXPECT_TRUE(fs::exists(folder_ / other));
+}
+
+TEST_F(BundleTest, RequirementsSayWhatIsLeftOut) {
+  const auto find = [](const std::vector<bundle::Requirement>& list, const char* name) {
+    const auto at =
+        std::find_if(list.begin(), list.end(), [&](const auto& r) { return r.name == name; });
+    EXPECT_NE(at, list.end()) << name;
+    return *at;
+  };
+  Scene scene = test::littleOfEverything();
+  const auto full = bundle::requirementsOf(scene, true);
+  for (const char* name : {"normals", "texture coordinates", "textures", "transparency",
+                           "environment", "voxels", "photons"}) {
+    EXPECT_EQ(find(full, name).required, std::string(name) != "transparency") << name;
+  }
+  EXPECT_FALSE(find(full, "vertex colours").required);
+  scene.materials[2] = test::lambert(0.9f);
+  const auto plain = bundle::requirementsOf(scene, false);
+  EXPECT_FALSE(find(plain, "texture coordinates").required);
+  EXPECT_GE(find(plain, "texture coordinates").savedBytes, 4 * scene.meshes[2].positions.size());
+  EXPECT_FALSE(find(plain, "voxels").required);
+}
+
+}  // namespace
+}  // namespace trex

@@ -1,0 +1,214 @@
+#!/usr/bin/env python3
+"""Tests of capture: several cameras, paths, layers, checkpoints through kills, signals, limits."""
+import argparse, json, os, random, shutil, signal, subprocess, sys, tempfile, time, unittest
+
+TREX = ASSETS = None
+KILLS = 20
+
+
+def run(*arguments):
+    return subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=600)
+
+
+def read(path):
+    with open(path, "rb") as f:
+        return f.read()
+
+
+class CaptureTest(unittest.TestCase):
+    def setUp(self):
+        self.folder = tempfile.mkdtemp(prefix="trex-capture-")
+        self.cornell = os.path.join(ASSETS, "cornell.glb")
+
+    def tearDown(self):
+        shutil.rmtree(self.folder)
+
+    def path(self, name, text=None):
+        path = os.path.join(self.folder, name)
+        if text is not None:
+            with open(path, "w") as f:
+                f.write(text)
+        return path
+
+    def render(self, *arguments, code=0, says=""):
+        result = run("render", self.cornell, "--device", "none", *arguments)
+        self.assertEqual(result.returncode, code, result.stderr)
+        self.assertIn(says, result.stderr)
+        return result
+
+    def start(self, *arguments):
+        return subprocess.Popen([TREX, "render", self.cornell, *map(str, arguments)], stdout=subprocess.PIPE,
+                                stderr=subprocess.PIPE, text=True)
+
+    def wait_for(self, condition, process):
+        for _ in range(1200):
+            if condition() or process.poll() is not None:
+                return
+            time.sleep(0.05)
+        self.fail("waited for a minute")
+
+    def test_killed_at_random_it_resumes_to_the_same_bits(self):
+        chance = random.Random(5)
+        for exact, device in ((0.25, "none"), (0, "auto")):
+            # The kills of both jobs together make KILLS.
+            job = ["--size", "96x72", "--spp", 200, "--exact", exact, "--device", device, "--aov", "all", "--seed", 3]
+            whole = self.path("whole.exr")
+            began = time.monotonic()
+            self.assertEqual(run("render", self.cornell, "-o", whole, *job).returncode, 0)
+            taken = time.monotonic() - began
+            out, state = self.path("parts.exr"), self.path("job.checkpoint")
+            parts = ["-o", out, *job, "--checkpoint", state, "--checkpoint-seconds", 0.05, "--resume"]
+            for _ in range(KILLS // 2):
+                process = self.start(*parts)
+                time.sleep(chance.uniform(0.1, 0.1 + taken))
+                process.send_signal(signal.SIGKILL)
+                process.communicate()
+                self.assertFalse(os.path.exists(out) and read(out) != read(whole), "a wrong picture was left")
+            result = run("render", self.cornell, *parts)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            self.assertEqual(read(out), read(whole))
+            os.remove(out), os.remove(state)
+
+    def test_interrupt_saves_picture_and_checkpoint(self):
+        whole, out, state = self.path("whole.exr"), self.path("a.exr"), self.path("a.checkpoint")
+        job = ["--size", "64x64", "--spp", 400, "--exact", 1, "--aov", "sampleCount"]
+        self.render("-o", whole, *job)
+        process = self.start("-o", out, *job, "--checkpoint", state, "--checkpoint-seconds", 0.1)
+        self.wait_for(lambda: os.path.exists(state), process)
+        process.send_signal(signal.SIGINT)
+        _, stderr = process.communicate(timeout=60)
+        if process.returncode == 0:
+            self.skipTest("it was finished before the signal")
+        self.assertEqual(process.returncode, 130, stderr)
+        self.assertTrue(os.path.exists(out))
+        self.assertNotEqual(read(out), read(whole))
+        result = run("render", self.cornell, "-o", out, *job, "--checkpoint", state, "--resume")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn("going on after", result.stderr)
+        self.assertEqual(read(out), read(whole))
+
+    def test_more_samples_than_the_finished_job(self):
+        state = self.path("a.checkpoint")
+        common = ["--size", "32x32", "--exact", 0.5, "--checkpoint", state]
+        self.render("-o", self.path("a.exr"), *common, "--spp", 4)
+        self.render("-o", self.path("a.exr"), *common, "--spp", 9, "--resume", says="going on after 4 samples")
+        self.render("-o", self.path("b.exr"), "--size", "32x32", "--exact", 0.5, "--spp", 9)
+        self.assertEqual(read(self.path("a.exr")), read(self.path("b.exr")))
+
+    def test_checkpoints_of_other_jobs_are_refused(self):
+        state, out = self.path("a.checkpoint"), self.path("a.exr")
+        job = ["-o", out, "--size", "32x32", "--checkpoint", state, "--spp", 2]
+        self.render(*job)
+        before = read(state)
+        self.render(*job, code=2, says="--resume")
+        self.render(*job, "--resume", "--seed", 7, code=3, says="other settings")
+        self.render("-o", out, "--size", "32x16", "--checkpoint", state, "--resume", code=3, says="other settings")
+        self.render(*job, "--resume", "--camera", "1,1,1/0,0,0/0,1,0/40", code=3, says="other settings")
+        self.assertEqual(read(state), before)
+        with open(state, "r+b") as f:
+            f.seek(300)
+            f.write(b"?")
+        self.render(*job, "--resume", code=3, says="checksum")
+        self.render("-o", out, "--resume", code=2, says="--checkpoint")
+        self.render("-o", out, "--checkpoint", self.path("no/such/file"), code=5, says="no/such")
+
+    def test_hangup_writes_the_picture_and_goes_on(self):
+        out = self.path("a.exr")
+        process = self.start("-o", out, "--size", "64x64", "--spp", 3000, "--exact", 1)
+        time.sleep(1.5)
+        process.send_signal(signal.SIGHUP)
+        self.wait_for(lambda: os.path.exists(out), process)
+        early = read(out)
+        self.assertIsNone(process.poll())
+        process.send_signal(signal.SIGTERM)
+        _, stderr = process.communicate(timeout=60)
+        self.assertEqual(process.returncode, 143, stderr)
+        self.assertIn("going on", stderr)
+        self.assertNotEqual(read(out), early)
+
+    def test_several_cameras_make_numbered_pictures(self):
+        views = ["0,1,3.2/0,1,0/0,1,0/40", "0.5,1,3.2/0,1,0/0,1,0/40"]
+        result = self.render("-o", self.path("a.exr"), "--size", "24x16", "--spp", 2, "--camera", views[0],
+                             "--camera", views[1], "--json")
+        names = [self.path("a.0001.exr"), self.path("a.0002.exr")]
+        self.assertEqual([x["output"] for x in json.loads(result.stdout)], names)
+        for view, name in zip(views, names):
+            self.render("-o", self.path("single.exr"), "--size", "24x16", "--spp", 2, "--camera", view)
+            self.assertEqual(read(self.path("single.exr")), read(name))
+
+    def test_camera_path(self):
+        cams = self.path("cams.json", json.dumps({"trex": 1, "cameras": [
+            {"eye": [0, 1, 3.2], "target": [0, 1, 0], "vfov": 40}, {"eye": [0.5, 1, 3.2], "target": [0, 1, 0]}]}))
+        result = self.render("-o", self.path("shot_##.png"), "--size", "24x16", "--spp", 2, "--path", cams)
+        self.assertEqual(result.stdout.split(), [self.path("shot_01.png"), self.path("shot_02.png")])
+        self.assertNotEqual(read(self.path("shot_01.png")), read(self.path("shot_02.png")))
+        result = self.render("-o", self.path("b.png"), "--size", "8x8", "--spp", 1, "--camera", "all")
+        self.assertEqual(result.stdout.split(), [self.path("b.png")])
+
+    def test_bad_camera_paths(self):
+        out = self.path("a.png")
+        good = {"eye": [0, 1, 3], "target": [0, 1, 0]}
+        for data, says in (("{", "JSON"), ("[]", "/trex"), ('{"trex": 2, "cameras": []}', "/trex"),
+                           ('{"trex": 1}', "/cameras"), ('{"trex": 1, "cameras": []}', "/cameras"),
+                           ('{"trex": 1, "cameras": [5]}', "/cameras/0"),
+                           (json.dumps({"trex": 1, "cameras": [good, {**good, "eye": [0, 1]}]}), "/cameras/1"),
+                           (json.dumps({"trex": 1, "cameras": [{**good, "fov": 3}]}), "fov"),
+                           (json.dumps({"trex": 1, "cameras": [{**good, "eye": ["a", 0, 0]}]}), "/cameras/0"),
+                           (json.dumps({"trex": 1, "cameras": [{**good, "vfov": 200}]}), "field of view"),
+                           (json.dumps({"trex": 1, "cameras": [{**good, "target": [0, 1, 3]}]}), "differ"),
+                           (json.dumps({"trex": 1, "cameras": ["nobody"]}), "nobody"),
+                           (json.dumps({"trex": 1, "cameras": [good], "fps": 3}), "/fps")):
+            with self.subTest(data=data):
+                self.render("-o", out, "--path", self.path("cams.json", data), code=3, says=says)
+        self.render("-o", out, "--path", self.path("none.json"), code=3, says="none.json")
+        self.render("-o", out, "--path", self.path("cams.json"), "--camera", "all", code=2, says="--path")
+
+    def test_layers_and_metadata(self):
+        out = self.path("a.exr")
+        self.render("-o", out, "--size", "16x16", "--spp", 2, "--aov", "depth,objectId,direct", "--seed", 9)
+        data = read(out)
+        for name in (b"depth", b"objectId", b"direct.R", b"trex:seed", b"trex:camera", b"trex:nonFiniteSamples"):
+            self.assertIn(name, data)
+        self.assertNotIn(b"variance", data)
+        self.render("-o", out, "--aov", "depht", code=2, says="depht")
+
+    def test_error_goal(self):
+        result = self.render("-o", self.path("a.exr"), "--size", "32x32", "--exact", 1, "--error", 0.05, "--json")
+        summary = json.loads(result.stdout)
+        self.assertLessEqual(summary["estimated_relmse"], 0.05)
+        self.assertGreaterEqual(summary["samples"], 16)
+
+    def test_memory_limit_is_kept_or_refused(self):
+        for limit, size in (("1G", "640x360"), ("300M", "320x180"), ("200M", "64x64"), ("100M", "64x64"),
+                            ("300M", "4000x4000")):
+            for device in ("none", "auto"):
+                out = self.path("a.exr")
+                result = run("render", self.cornell, "-o", out, "--size", size, "--spp", 1, "--device", device,
+                             "--max-memory", limit, "--json")
+                if result.returncode == 4:
+                    self.assertIn("allowed", result.stderr)
+                    continue
+                self.assertEqual(result.returncode, 0, result.stderr)
+                allowed = int(limit[:-1]) << (30 if limit[-1] == "G" else 20)
+                self.assertLessEqual(json.loads(result.stdout)["peak_resident_bytes"], 1.02 * allowed, (limit, device))
+        result = run("render", self.cornell, "-o", self.path("a.exr"), "--max-memory", "20M")
+        self.assertEqual(result.returncode, 4)
+
+    def test_device_memory_limit(self):
+        for limit in ("8M", "64M"):
+            result = run("render", self.cornell, "-o", self.path("a.exr"), "--size", "256x256", "--spp", 1,
+                         "--max-gpu-memory", limit, "--json")
+            self.assertIn(result.returncode, (0, 4), result.stderr)
+            if result.returncode == 0:
+                self.assertLessEqual(json.loads(result.stdout)["device_bytes"], int(limit[:-1]) << 20)
+            else:
+                self.assertIn("--max-gpu-memory", result.stderr)
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--trex", required=True)
+    parser.add_argument("--assets", required=True)
+    options, rest = parser.parse_known_args()
+    TREX, ASSETS = options.trex, options.assets
+    unittest.main(argv=[sys.argv[0], *rest], verbosity=2)

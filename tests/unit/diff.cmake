@@ -1,0 +1,10 @@
+add_executable(diff_test ${CMAKE_CURRENT_LIST_DIR}/diff_test.cpp ${CMAKE_CURRENT_LIST_DIR}/merge_test.cpp)
+target_link_libraries(diff_test PRIVATE trex_frame GTest::gtest_main)
+gtest_discover_tests(diff_test)
+foreach(test diff_command_test merge_command_test flip_test)
+  add_test(NAME ${test} COMMAND ${Python3_EXECUTABLE} ${CMAKE_CURRENT_LIST_DIR}/${test}.py --trex $<TARGET_FILE:trex>)
+  set_tests_properties(${test} PROPERTIES TIMEOUT 900 SKIP_RETURN_CODE 77)
+endforeach()
+add_test(NAME bench_test COMMAND ${Python3_EXECUTABLE} ${CMAKE_CURRENT_LIST_DIR}/bench_test.py
+  --trex $<TARGET_FILE:trex> --assets ${CMAKE_SOURCE_DIR}/assets)
+set_tests_properties(bench_test PROPERTIES TIMEOUT 900)

@@ -1,0 +1,288 @@
+// The session as capture drives it: stopping and going on, checkpoints, layers, the error goal.
+#include "src/session/session.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <fstream>
+
+#include "src/core/error.h"
+#include "src/session/checkpoint.h"
+#include "tests/unit/scenes.h"
+
+namespace trex {
+namespace {
+namespace fs = std::filesystem;
+
+constexpr std::uint32_t kWidth = 80, kHeight = 72;  // four tiles, two of them cut
+
+/// A lit room with a mirror sphere in front of the camera and a grey one beside it.
+Scene room() {
+  Scene scene;
+  scene.materials = {test::lambert(0.6f), test::lambert(0.0f, 8.0f), test::lambert(0.9f)};
+  scene.materials[2].metallic = 1.0f;
+  scene.materials[2].roughness = 0.0f;
+  test::place(scene, test::box(vec3(-2.0f), vec3(2.0f), 0, true));
+  test::place(scene, test::box(vec3(-0.5f, 1.8f, -0.5f), vec3(0.5f, 1.9f, 0.5f), 1, false));
+  test::place(scene, test::sphere(vec3(-0.8f, 0.0f, -1.0f), 0.6f, 2, 12));
+  test::place(scene, test::sphere(vec3(0.8f, 0.0f, -1.0f), 0.6f, 0, 12));
+  scene.cameras = {test::lookAt(dvec3(0.0, 0.0, 1.9), dvec3(0.0, 0.0, -1.0), 1.0f)};
+  return scene;
+}
+
+std::shared_ptr<const Model> roomModel() {
+  static const auto model =
+      std::make_shared<const Model>(makeModel(room(), {.voxels = true, .voxelDepth = 5}));
+  return model;
+}
+
+RenderSettings settings(double exact, std::uint32_t samples, GuessKind guess = GuessKind::kRay) {
+  RenderSettings s;
+  s.width = kWidth;
+  s.height = kHeight;
+  s.samples = samples;
+  s.exact = exact;
+  s.device = RenderSettings::kNoDevice;
+  s.guess = guess;
+  s.denoise = exact <= 0.0;
+  return s;
+}
+
+const PictureLayers kAll = layersFromNames({"all"});
+
+std::unique_ptr<Session> session(const RenderSettings& s, const PictureLayers& layers = kAll) {
+  auto model = roomModel();
+  const Camera camera = model->scene.cameras.front();
+  return std::make_unique<Session>(std::move(model), camera, s, layers);
+}
+
+/// Stops every `tiles` tiles and goes on.
+void runInPieces(Session& session, int tiles) {
+  while (!session.goalReached()) {
+    int left = tiles;
+    session.run([&](double) { return left-- > 0; });
+  }
+}
+
+std::size_t channel(const Picture& picture, const std::string& name) {
+  const auto at = std::find(picture.channels.begin(), picture.channels.end(), name);
+  EXPECT_NE(at, picture.channels.end()) << name;
+  return static_cast<std::size_t>(at - picture.channels.begin());
+}
+
+float value(const Picture& picture, const std::string& name, std::uint32_t x, std::uint32_t y) {
+  return picture.values[(std::size_t{y} * picture.width + x) * picture.channels.size() +
+                        channel(picture, name)];
+}
+
+class CheckpointTest : public testing::Test {
+ protected:
+  CheckpointTest()
+      : path_(fs::temp_directory_path() / ("trex-checkpoint-" + std::to_string(getpid()))) {}
+  ~CheckpointTest() override { fs::remove(path_); }
+
+  std::vector<char> bytes() const {
+    std::ifstream file(path_, std::ios::binary);
+    return {std::istreambuf_iterator<char>(file), {}};
+  }
+  void put(const std::vector<char>& bytes) const {
+    std::ofstream(path_, std::ios::binary)
+        .write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
+  }
+
+  fs::path path_;
+};
+
+TEST(Session, StoppingAndGoingOnChangesNoBit) {
+  for (const double exact : {0.0, 0.5, 1.0}) {
+    for (const GuessKind guess : {GuessKind::kRay, GuessKind::kCone}) {
+      const auto whole = session(settings(exact, 6, guess));
+      whole->run([](double) { return true; });
+      const auto pieces = session(settings(exact, 6, guess));
+      runInPieces(*pieces, 3);
+      EXPECT_EQ(whole->picture().values, pieces->picture().values) << exact;
+      EXPECT_EQ(whole->report().rays.cRays, pieces->report().rays.cRays);
+    }
+  }
+}
+
+TEST_F(CheckpointTest, GoesOnWithTheSameBitsFromAnyTile) {
+  for (const double exact : {0.0, 0.5, 1.0}) {
+    const auto whole = session(settings(exact, 7));
+    whole->run([](double) { return true; });
+    for (const int tiles : {1, 4, 11, 22}) {
+      const auto first = session(settings(exact, 7));
+      int left = tiles;
+      first->run([&](double) { return left-- > 0; });
+      first->saveCheckpoint(path_, 5, 3);
+      const auto second = session(settings(exact, 7));
+      CheckpointReader reader(path_);
+      EXPECT_EQ(reader.header().key, 5u);
+      EXPECT_EQ(reader.header().frame, 3u);
+      second->restoreCheckpoint(reader);
+      second->run([](double) { return true; });
+      EXPECT_EQ(whole->picture().values, second->picture().values) << exact << ' ' << tiles;
+      EXPECT_EQ(whole->report().rays.cRays, second->report().rays.cRays);
+      EXPECT_EQ(whole->report().samplesDone, second->report().samplesDone);
+    }
+  }
+}
+
+TEST_F(CheckpointTest, NoticesEveryChangedByteAndLength) {
+  const auto s = session(settings(1.0, 1), {});
+  s->run([](double) { return true; });
+  s->saveCheckpoint(path_, 1, 0);
+  const std::vector<char> good = bytes();
+  for (std::size_t i = 0; i < good.size(); i += i < 700 ? 1 : 997) {
+    std::vector<char> bad = good;
+    bad[i] ^= static_cast<char>(1 << (i % 8));
+    put(bad);
+    EXPECT_THROW(CheckpointReader{path_}, Error) << "byte " << i;
+  }
+  for (const std::size_t size : {std::size_t{0}, std::size_t{5}, std::size_t{100}, good.size() / 2,
+                                 good.size() - 1, good.size() + 1}) {
+    std::vector<char> bad = good;
+    bad.resize(size);
+    put(bad);
+    EXPECT_THROW(CheckpointReader{path_}, Error) << "size " << size;
+  }
+  put(good);
+  CheckpointReader reader(path_);
+  const auto other = session(settings(0.5, 1), {});  // has more sums
+  EXPECT_THROW(other->restoreCheckpoint(reader), Error);
+}
+
+TEST(Layers, DirectAndIndirectMakeTheMean) {
+  for (const double exact : {0.0, 0.5, 1.0}) {
+    for (const GuessKind guess : {GuessKind::kRay, GuessKind::kCone}) {
+      RenderSettings s = settings(exact, 8, guess);
+      s.denoise = false;
+      const auto r = session(s);
+      r->run([](double) { return true; });
+      const Picture p = r->picture();
+      for (std::uint32_t y = 0; y < kHeight; y += 5) {
+        for (std::uint32_t x = 0; x < kWidth; x += 5) {
+          const float sum = value(p, "direct.G", x, y) + value(p, "indirect.G", x, y);
+          EXPECT_NEAR(sum, value(p, "G", x, y), 1e-5f * (1.0f + std::abs(sum)));
+          EXPECT_GE(value(p, "direct.G", x, y), exact > 0.0 ? -10.0f : 0.0f);
+        }
+      }
+    }
+  }
+}
+
+/// Without a second bounce there is no indirect light: black walls, a lamp, and a mirror.
+TEST(Layers, LightSeenInAMirrorIsDirect) {
+  Scene scene = room();
+  scene.materials[0] = test::lambert(0.0f);
+  const Camera camera = scene.cameras.front();
+  RenderSettings s = settings(1.0, 32);
+  Session r(std::make_shared<const Model>(makeModel(scene, {.voxels = false})), camera, s, kAll);
+  r.run([](double) { return true; });
+  const Picture p = r.picture();
+  float light = 0.0f;
+  for (std::uint32_t y = 0; y < kHeight; ++y) {
+    for (std::uint32_t x = 0; x < kWidth; ++x) {
+      light += value(p, "direct.R", x, y);
+      EXPECT_NEAR(value(p, "indirect.R", x, y), 0.0f, 1e-6f);
+    }
+  }
+  EXPECT_GT(light, 1.0f);
+}
+
+TEST(Layers, SayWhatThePixelsShow) {
+  const auto r = session(settings(1.0, 16));
+  r->run([](double) { return true; });
+  const Picture p = r->picture();
+  const std::uint32_t y = kHeight / 2;
+  std::uint32_t mirror = 0, grey = 0;
+  while (value(p, "materialId", mirror, y) != 2.0f) ASSERT_LT(++mirror, kWidth);
+  mirror += 4;  // well inside
+  grey = kWidth - 1 - mirror;
+  EXPECT_EQ(value(p, "objectId", mirror, y), 2.0f);
+  EXPECT_EQ(value(p, "objectId", grey, y), 3.0f);
+  EXPECT_EQ(value(p, "materialId", grey, y), 0.0f);
+  EXPECT_NEAR(value(p, "albedo.R", grey, y), 0.6f, 1e-3f);
+  EXPECT_EQ(value(p, "sampleCount", grey, y), 16.0f);
+  EXPECT_GT(value(p, "variance.R", grey, y), 0.0f);
+  // The sphere's front is 2.3 m away; depth runs along the view, position is where the ray ends.
+  EXPECT_NEAR(value(p, "depth", grey, y), 2.5f, 0.25f);
+  EXPECT_NEAR(value(p, "position.Z", grey, y) + value(p, "depth", grey, y), 1.9f, 0.05f);
+  // What the mirror shows: a wall of the room or the other sphere, not itself.
+  EXPECT_NEAR(value(p, "albedo.R", mirror, y), 0.6f, 1e-3f);
+}
+
+TEST(Layers, NothingIsMinusOne) {
+  Scene scene;
+  scene.materials = {test::lambert(0.5f)};
+  test::place(scene, test::box(vec3(-1.0f), vec3(1.0f), 0, false));
+  scene.environment.color = vec3(1.0f);
+  scene.cameras = {test::lookAt(dvec3(0.0, 0.0, 5.0), dvec3(0.0, 0.0, 9.0), 0.5f)};
+  const Camera camera = scene.cameras.front();
+  Session r(std::make_shared<const Model>(makeModel(scene, {.voxels = false})), camera,
+            settings(1.0, 2), kAll);
+  r.run([](double) { return true; });
+  const Picture p = r.picture();
+  for (const char* name : {"depth", "objectId", "materialId"}) {
+    EXPECT_EQ(value(p, name, 3, 3), -1.0f) << name;
+  }
+  EXPECT_EQ(value(p, "direct.R", 3, 3), 1.0f);
+}
+
+TEST(Layers, NamesAreChecked) {
+  EXPECT_THROW(layersFromNames({"depht"}), Error);
+  EXPECT_EQ(layersFromNames({"depth", "variance"}).channels(), 4u);
+  EXPECT_EQ(kAll.channels(), 22u);
+}
+
+TEST(Session, StopsAtTheErrorAskedFor) {
+  RenderSettings s = settings(1.0, 0);
+  s.error = 0.02;
+  const auto r = session(s, {});
+  r->run([](double) { return true; });
+  EXPECT_LE(r->frame().estimatedError(), 0.02);
+  EXPECT_GE(r->samplesDone(), 16u);
+  EXPECT_LT(r->samplesDone(), 100'000u);
+}
+
+/// The estimate agrees with the distance to a picture of many more samples. Without the mirror: the
+/// rare bright paths of caustics are missing from pictures and estimates alike.
+TEST(Session, EstimatedErrorIsTheError) {
+  Scene scene = room();
+  scene.materials[2] = test::lambert(0.5f);
+  const Camera camera = scene.cameras.front();
+  const auto model = std::make_shared<const Model>(makeModel(scene, {.voxels = false}));
+  RenderSettings other = settings(1.0, 512);
+  other.seed = 1;
+  const auto rough = std::make_unique<Session>(model, camera, settings(1.0, 32));
+  const auto fine = std::make_unique<Session>(model, camera, other);
+  rough->run([](double) { return true; });
+  fine->run([](double) { return true; });
+  double mean = 0.0, error = 0.0;
+  constexpr double kValues = 3.0 * kWidth * kHeight;
+  for (std::uint32_t i = 0; i < kWidth * kHeight; ++i) {
+    const dvec3 m = fine->frame().mean(i % kWidth, i / kWidth);
+    mean += (m.x + m.y + m.z) / kValues;
+  }
+  for (std::uint32_t i = 0; i < kWidth * kHeight; ++i) {
+    const dvec3 m = fine->frame().mean(i % kWidth, i / kWidth);
+    const dvec3 d = rough->frame().mean(i % kWidth, i / kWidth) - m;
+    for (int c = 0; c < 3; ++c) error += d[c] * d[c] / (m[c] * m[c] + 0.01 * mean * mean) / kValues;
+  }
+  EXPECT_NEAR(rough->frame().estimatedError() / error, 1.0, 0.3);
+}
+
+TEST(Session, TheFirstPassIsFinishedHoweverShortTheTime) {
+  RenderSettings s = settings(0.0, 0);
+  s.seconds = 1e-6;
+  const auto r = session(s);
+  r->run([](double) { return true; });
+  EXPECT_EQ(r->samplesDone(), 1u);
+  const Picture p = r->picture();
+  for (std::uint32_t y = 0; y < kHeight; ++y) {
+    for (std::uint32_t x = 0; x < kWidth; ++x) EXPECT_EQ(value(p, "sampleCount", x, y), 1.0f);
+  }
+}
+
+}  // namespace
+}  // namespace trex
