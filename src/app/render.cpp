@@ -106,7 +106,8 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
                 "Layers of an .exr besides R, G, B: direct,indirect,albedo,normal,position,depth,"
                 "objectId,materialId,sampleCount,variance or all")
       ->delimiter(',');
-  c->add_option("--denoise", a->denoise, "Filter the guess: auto (with --exact 0), off")
+  c->add_option("--denoise", a->denoise,
+                "Filter the guess and its correction: auto (with --exact below 1), off")
       ->check(CLI::IsMember({"auto", "off"}))
       ->capture_default_str();
   c->add_option("--seed", a->settings.seed, "Seed of all random numbers")->capture_default_str();

@@ -15,7 +15,7 @@ const char* guessName(const SessionReport& r) {
   return r.cones ? "cone" : "ray";
 }
 
-bool filtered(const RenderSettings& s) { return s.denoise && s.exact <= 0.0; }
+bool filtered(const RenderSettings& s) { return s.denoise && s.exact < 1.0; }
 
 }  // namespace
 

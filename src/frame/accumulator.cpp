@@ -55,6 +55,23 @@ std::vector<NonFiniteSample> Accumulator::nonFiniteSamples() const {
   return nonFinite_;
 }
 
+dvec3 Accumulator::pooledDifferenceVariance() const {
+  dvec3 sum(0.0), squares(0.0);
+  double known = 0.0, single = 0.0;
+  for (const DifferenceMoments& moments : difference_) {
+    const Moments& d = moments.difference();
+    if (d.count() == 1) {
+      squares += d.mean() * d.mean();
+      single += 1.0;
+    } else if (d.count() > 1) {
+      sum += d.varianceOfMean() * static_cast<double>(d.count());
+      known += 1.0;
+    }
+  }
+  if (known > 0.0) return sum / known;
+  return single > 0.0 ? squares / single : dvec3(0.0);
+}
+
 /// Mean of the pixels around one, itself where it has none.
 dvec3 Accumulator::neighbourMean(std::uint32_t x, std::uint32_t y) const {
   dvec3 sum(0.0);

@@ -35,6 +35,14 @@ class Accumulator {
 
   dvec3 mean(std::uint32_t x, std::uint32_t y) const;
   dvec3 varianceOfMean(std::uint32_t x, std::uint32_t y) const;
+  /// The parts of mean(): the guess, and the difference, which is 0 without pairs.
+  const Moments& guess(std::uint32_t x, std::uint32_t y) const { return guess_[index(x, y)]; }
+  Moments difference(std::uint32_t x, std::uint32_t y) const {
+    return difference_.empty() ? Moments{} : difference_[index(x, y)].difference();
+  }
+  /// Mean over all pixels of the variance of one difference, for pixels with too few pairs to tell;
+  /// the mean square if none has two.
+  dvec3 pooledDifferenceVariance() const;
   std::uint64_t samples(std::uint32_t x, std::uint32_t y) const;
   std::uint64_t pairs(std::uint32_t x, std::uint32_t y) const;
 

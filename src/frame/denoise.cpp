@@ -71,7 +71,7 @@ class Filter {
     });
   }
 
-  std::vector<vec3> run() {
+  std::vector<vec3> run(bool shrink) {
     smoothVariance();
     for (int step = 1; step < 1 << kIterations; step *= 2) {
       tbb::parallel_for(0, height_, [&](int y) {
@@ -80,7 +80,13 @@ class Filter {
       cells_.swap(next_);
     }
     std::vector<vec3> out(cells_.size());
-    for (std::size_t i = 0; i < out.size(); ++i) out[i] = cells_[i].light * guides_[i].albedo;
+    for (std::size_t i = 0; i < out.size(); ++i) {
+      out[i] = cells_[i].light * guides_[i].albedo;
+      if (!shrink) continue;
+      const float value = luminance(cells_[i].light);
+      const float square = value * value;
+      out[i] *= square > 0.0f ? square / (square + cells_[i].variance) : 0.0f;
+    }
     return out;
   }
 
@@ -187,7 +193,13 @@ class Filter {
 
 std::vector<vec3> denoiseGuess(const FeatureImage& features, const std::vector<vec3>& radiance,
                                const std::vector<vec3>& variance) {
-  return Filter(features, radiance, variance).run();
+  return Filter(features, radiance, variance).run(false);
+}
+
+std::vector<vec3> denoiseCorrection(const FeatureImage& features,
+                                    const std::vector<vec3>& difference,
+                                    const std::vector<vec3>& variance) {
+  return Filter(features, difference, variance).run(true);
 }
 
 }  // namespace trex

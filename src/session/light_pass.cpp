@@ -46,12 +46,13 @@ void LightPass::aim(const CameraRays& camera, std::uint32_t width, std::uint32_t
   seconds_ += taken.count();
 }
 
-bool LightPass::run(std::uint64_t target) {
-  if (target <= emitted_ || !lights_.anyPower()) return false;
+bool LightPass::run(std::uint64_t target, const std::function<bool()>& keepGoing) {
+  if (target <= resolved_ || !lights_.anyPower()) return true;
   const auto start = std::chrono::steady_clock::now();
   std::vector<shaderio::PhotonRecord> records;
   const auto inverse = static_cast<float>(1.0 / scale_);
-  while (emitted_ < target) {
+  bool going = true;
+  while (emitted_ < target && (going = keepGoing())) {
     const bool pilot = !guides_.empty() && emitted_ < kPilotPhotons;
     const std::uint64_t count = std::min(pilot ? kPilotBatch : kBatch, target - emitted_);
     const auto landed = landPhotons(scene_, rays_, lights_, seed_, emitted_, count, guides_);
@@ -65,11 +66,14 @@ bool LightPass::run(std::uint64_t target) {
     emitted_ += count;
     landed_ += records.size();
   }
-  device_.resolveLight(emitted_);
-  cache_.setLight(device_.light(), scale_);
+  if (going) {
+    device_.resolveLight(emitted_);
+    cache_.setLight(device_.light(), scale_);
+    resolved_ = emitted_;
+  }
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
   seconds_ += taken.count();
-  return true;
+  return going;
 }
 
 }  // namespace trex

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 
 #include "src/crays/integrator.h"
 #include "src/crays/light_cache.h"
@@ -26,8 +27,9 @@ class LightPass {
   /// nothing if no source shines from outside.
   void aim(const CameraRays& camera, std::uint32_t width, std::uint32_t height);
 
-  /// Shoots what is missing up to `target` photons in all and resolves. True if anything was done.
-  bool run(std::uint64_t target);
+  /// Shoots what is missing up to `target` photons in all and resolves. Asks `keepGoing` between
+  /// batches; false if it said no: the light is then as it was, and the next call goes on.
+  bool run(std::uint64_t target, const std::function<bool()>& keepGoing);
 
   std::uint64_t emitted() const { return emitted_; }
   std::uint64_t landed() const { return landed_; }
@@ -47,6 +49,7 @@ class LightPass {
   std::uint32_t seed_;
   double scale_ = 1.0, unit_ = 1.0, seconds_ = 0.0;
   std::uint64_t emitted_ = 0, landed_ = 0, wanted_ = 0;
+  std::uint64_t resolved_ = 0;  ///< photons that the cache knows of
   ImportanceMap importance_;
   std::vector<EmissionGuide> guides_;  ///< by source; none if nothing is to be guided
 };

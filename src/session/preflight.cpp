@@ -30,7 +30,7 @@ std::uint64_t frameBytes(const RenderSettings& s, const PictureLayers& layers) {
   const std::uint64_t pixels = std::uint64_t{s.width} * s.height;
   const bool pairs = s.exact > 0.0 && s.exact < 1.0;
   std::uint64_t bytes = Accumulator::bytesNeeded(s.width, s.height, pairs);
-  const bool filter = s.denoise && s.exact <= 0.0;
+  const bool filter = s.denoise && s.exact < 1.0;
   if (filter || layers.needsFeatures()) bytes += FeatureImage::bytesNeeded(s.width, s.height);
   if (layers.needsSplit()) bytes += pixels * DirectImage::kBytesAPixel;
   if (layers.needsFirstHit()) bytes += pixels * FirstHitImage::kBytesAPixel;

@@ -66,7 +66,7 @@ Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
       model_(std::move(model)),
       frame_(settings.width, settings.height, settings.exact > 0.0 && settings.exact < 1.0),
       tiles_(makeTiles(settings.width, settings.height, kTileSize)) {
-  settings_.denoise &= settings_.exact <= 0.0;
+  settings_.denoise &= settings_.exact < 1.0;
   if (settings_.denoise || layers_.needsFeatures()) {
     features_ = std::make_unique<FeatureImage>(settings_.width, settings_.height);
   }
@@ -97,7 +97,8 @@ Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
     report_.aimSeconds = report_.renderSeconds = now() - mark;
   }
   if (settings_.denoise && settings_.seconds > 0.0) {
-    filterEstimate_ = filterSeconds() * settings_.width * settings_.height;
+    const double filters = settings_.exact > 0.0 ? 2.0 : 1.0;
+    filterEstimate_ = filters * filterSeconds() * settings_.width * settings_.height;
   }
   integrator_ =
       std::make_unique<Integrator>(model_->scene, rays, *lights_, *camera_, guess, settings_.seed);
@@ -139,21 +140,22 @@ void Session::run(const KeepGoing& keepGoing) {
 /// What is left of one more sample of every pixel. False if it was cut short.
 bool Session::pass(const KeepGoing& keepGoing) {
   const std::uint32_t sample = report_.samplesDone;
-  if (voxels_) {
-    voxels_->light->run(photonTarget(sample, std::uint64_t{settings_.width} * settings_.height));
+  // The first pass is finished in any case: a picture has no holes.
+  const auto going = [&] {
+    const bool late = settings_.seconds > 0.0 && sample > 0 && elapsed() >= timeLimit();
+    return keepGoing(progress()) && !late;
+  };
+  if (voxels_ && tilesDone_ == 0) {
+    const std::uint64_t pixels = std::uint64_t{settings_.width} * settings_.height;
+    if (!voxels_->light->run(photonTarget(sample, pixels), going)) return false;
   }
   TileWork works[2];
-  bool going = true;
-  for (; tilesDone_ < tiles_.size(); ++tilesDone_) {
-    // The first pass is finished in any case: a picture has no holes.
-    const bool late = settings_.seconds > 0.0 && sample > 0 && elapsed() >= timeLimit();
-    going = keepGoing(progress()) && !late;
-    if (!going) break;
+  for (; tilesDone_ < tiles_.size() && going(); ++tilesDone_) {
     trace(tiles_[tilesDone_], sample, works[tilesDone_ % 2]);
     merge(works[(tilesDone_ + 1) % 2]);
   }
   merge(works[(tilesDone_ + 1) % 2]);
-  if (!going) return false;
+  if (tilesDone_ < tiles_.size()) return false;
   tilesDone_ = 0;
   ++report_.samplesDone;
   if (settings_.error > 0.0 && report_.samplesDone >= errorCheck_) {
@@ -235,8 +237,7 @@ void Session::add(const TileWork& work, std::uint32_t column, std::uint32_t row)
 bool Session::goalReached() const {
   if (settings_.samples > 0 && report_.samplesDone >= settings_.samples) return true;
   if (settings_.error > 0.0 && error_ <= settings_.error) return true;
-  return settings_.seconds > 0.0 && report_.samplesDone > 0 &&
-         report_.renderSeconds >= timeLimit();
+  return settings_.seconds > 0.0 && report_.samplesDone > 0 && report_.renderSeconds >= timeLimit();
 }
 
 double Session::elapsed() const { return now() - start_; }
@@ -257,19 +258,32 @@ double Session::progress() const {
 
 /// What the viewer gets to see of the frame: means, filtered if asked for.
 std::vector<vec3> Session::shown() {
-  std::vector<vec3> mean, variance;
-  mean.reserve(std::size_t{settings_.width} * settings_.height);
-  for (std::uint32_t y = 0; y < settings_.height; ++y) {
-    for (std::uint32_t x = 0; x < settings_.width; ++x) {
-      mean.emplace_back(frame_.mean(x, y));
-      if (settings_.denoise) variance.emplace_back(frame_.varianceOfMean(x, y));
-    }
-  }
-  if (!settings_.denoise) return mean;
   const double mark = now();
-  std::vector<vec3> filtered = denoiseGuess(*features_, mean, variance);
+  const auto gather = [&](const auto& value) {
+    std::vector<vec3> out;
+    out.reserve(std::size_t{settings_.width} * settings_.height);
+    for (std::uint32_t y = 0; y < settings_.height; ++y) {
+      for (std::uint32_t x = 0; x < settings_.width; ++x) out.emplace_back(value(x, y));
+    }
+    return out;
+  };
+  using Pixel = std::uint32_t;
+  if (!settings_.denoise) return gather([&](Pixel x, Pixel y) { return frame_.mean(x, y); });
+  std::vector<vec3> out =
+      denoiseGuess(*features_, gather([&](Pixel x, Pixel y) { return frame_.guess(x, y).mean(); }),
+                   gather([&](Pixel x, Pixel y) { return frame_.guess(x, y).varianceOfMean(); }));
+  if (settings_.exact > 0.0) {
+    const dvec3 pooled = frame_.pooledDifferenceVariance();
+    const auto correction = denoiseCorrection(
+        *features_, gather([&](Pixel x, Pixel y) { return frame_.difference(x, y).mean(); }),
+        gather([&](Pixel x, Pixel y) {
+          const Moments d = frame_.difference(x, y);
+          return d.count() > 1 ? d.varianceOfMean() : pooled;
+        }));
+    for (std::size_t i = 0; i < out.size(); ++i) out[i] += correction[i];
+  }
   report_.filterSeconds = now() - mark;
-  return filtered;
+  return out;
 }
 
 Picture Session::picture() {
@@ -380,8 +394,10 @@ void Session::restoreCheckpoint(CheckpointReader& reader) {
   if (!voxels_) return;
   // Photons are traced again in the same rounds: guides learn from one round for the next.
   const std::uint64_t pixels = std::uint64_t{settings_.width} * settings_.height;
-  for (std::uint32_t s = 0; s < header.samplesDone; ++s)
-    voxels_->light->run(photonTarget(s, pixels));
+  const std::uint32_t passes = header.samplesDone + (tilesDone_ > 0 ? 1 : 0);
+  for (std::uint32_t s = 0; s < passes; ++s) {
+    voxels_->light->run(photonTarget(s, pixels), [] { return true; });
+  }
 }
 
 }  // namespace trex

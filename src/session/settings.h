@@ -25,7 +25,7 @@ struct RenderSettings {
   std::uint32_t seed = 0;
   int device = kBestDevice;  ///< number of a Vulkan device, or one of the above
   GuessKind guess = GuessKind::kAuto;
-  bool denoise = false;            ///< filter the guess; only with exact = 0
+  bool denoise = false;            ///< filter the guess and its correction; only with exact < 1
   std::uint64_t maxMemory = 0;     ///< bytes this process may use; 0: what the machine has
   std::uint64_t maxGpuMemory = 0;  ///< bytes of device memory; 0: what the device has
 };
