@@ -19,6 +19,7 @@
 #include "src/core/file.h"
 #include "src/core/log.h"
 #include "src/core/memory.h"
+#include "src/session/preflight.h"
 
 namespace trex {
 namespace {
@@ -86,22 +87,14 @@ void checkArguments(const BakeArguments& a) {
   }
 }
 
-/// Refuses before anything large is allocated.
-void checkBudget(const BakeArguments& a, const Scene& scene) {
-  constexpr std::uint64_t kMeshBytesATriangle = 120;  // source, clusters and build, measured peak
-  constexpr std::uint64_t kVoxelBytesALeaf = 3 * 74, kVoxelBytesATriangle = 16;
-  const std::uint64_t mesh = scene.uniqueTriangleCount() * kMeshBytesATriangle;
-  const std::uint64_t leaves = std::min<std::uint64_t>(1'300'000, 6ull << (2 * a.depth));
-  const std::uint64_t voxels =
-      a.noVoxels ? 0 : leaves * kVoxelBytesALeaf + scene.triangleCount() * kVoxelBytesATriangle;
-  const std::uint64_t limit =
-      a.maxMemory.empty() ? availableMemoryLimit() : parseBytes(a.maxMemory);
-  if (mesh + voxels > limit) {
-    fail(ExitCode::kMemoryOrDevice,
-         "needs about {} ({} for meshes, {} for voxels), allowed are {}; make --depth smaller or "
-         "--max-memory larger",
-         formatBytes(mesh + voxels), formatBytes(mesh), formatBytes(voxels), formatBytes(limit));
-  }
+/// Bytes that voxels may take; refuses what does not fit before anything large is allocated.
+std::uint64_t voxelBudget(const BakeArguments& a, const Scene& scene) {
+  RenderSettings settings;
+  settings.width = settings.height = 1;
+  settings.device = RenderSettings::kNoDevice;
+  settings.exact = a.noVoxels ? 1.0 : 0.0;
+  if (!a.maxMemory.empty()) settings.maxMemory = parseBytes(a.maxMemory);
+  return preflight(scene, settings, {}).voxelBytes;
 }
 
 nlohmann::ordered_json bytesByPart(const std::vector<bundle::Section>& sections) {
@@ -179,7 +172,6 @@ void bake(const BakeArguments& a) {
   phases.next("import");
   std::vector<SourceFile> files;
   Scene scene = import(a, files);
-  checkBudget(a, scene);
   logInfo("{}: {} triangles, {} unique; compressing{}", a.input, scene.triangleCount(),
           scene.uniqueTriangleCount(), a.noVoxels ? "" : " and voxelising");
   BakeFacts facts;
@@ -187,6 +179,7 @@ void bake(const BakeArguments& a) {
   facts.requirements = bundle::requirementsOf(scene, !a.noVoxels);
   ModelOptions options;
   options.voxels = !a.noVoxels;
+  options.voxelBytes = voxelBudget(a, scene);
   options.voxelDepth = facts.voxelDepth = a.depth;
   options.precisionBits = facts.precisionBits = a.precision;
   phases.next("build");

@@ -75,6 +75,17 @@ void checkEnvironments(const BenchArguments& a) {
   }
 }
 
+/// What a run of hours would stumble over at its end.
+void checkFiles(const BenchArguments& a) {
+  for (std::size_t i = 0; i < a.scenes.size(); ++i) {
+    for (const std::string& path : {a.scenes[i], referenceOf(a, i)}) {
+      if (path == "auto" || fs::is_regular_file(path)) continue;
+      fail(ExitCode::kInput, "{}: no such file{}", path,
+           path.find('=') == std::string::npos ? "" : "; repeat --env for each NAME=E");
+    }
+  }
+}
+
 TradeoffArguments readArguments(BenchArguments& a) {
   if (a.scenes.empty()) fail(ExitCode::kUsage, "SCENE: name a model, or a report with --from");
   if (std::isnan(a.seconds) || std::isnan(a.referenceSeconds)) {
@@ -84,6 +95,7 @@ TradeoffArguments readArguments(BenchArguments& a) {
     if (!(share >= 0.0 && share <= 1.0)) fail(ExitCode::kUsage, "--exact {}: want 0 to 1", share);
   }
   checkEnvironments(a);
+  checkFiles(a);
   readSettings(a.render);
   TradeoffArguments out{{}, a.shares, a.seconds, a.referenceSeconds, a.render.settings};
   out.settings.samples = 0;  // time alone ends a run
@@ -179,7 +191,11 @@ int tradeoff(BenchArguments& a) {
     setenv("LP_NUM_THREADS", std::to_string(a.threads).c_str(), 0);  // lavapipe's own threads
   }
   catchInterrupts();
-  writeOutputs(a, benchTradeoff(arguments));
+  // Hours of work are kept as they are done.
+  const auto keep = [&](const json& document) {
+    if (!a.json.empty() && a.json != "-") writeText(a.json, document.dump(1) + "\n");
+  };
+  writeOutputs(a, benchTradeoff(arguments, keep));
   const int signal = interruptedBy();
   return signal == 0 ? 0 : 128 + signal;
 }
@@ -209,14 +225,16 @@ void addBenchCommand(CLI::App& app, int& exitCode) {
       ->delimiter(',')
       ->allow_extra_args(false)
       ->capture_default_str();
-  c->add_option("--env", a->environments, "Environment for all scenes, or NAME=E for one")
+  c->add_option("--env", a->environments,
+                "Environment for all scenes, or NAME=E for one; may be repeated")
       ->allow_extra_args(false);
   c->add_option("--device", a->render.device, "Vulkan device: number, auto or none")
       ->capture_default_str();
   c->add_option("--guess", a->render.guess, "Guess of far, wide rays: auto, ray or cone")
       ->check(CLI::IsMember({"auto", "ray", "cone"}))
       ->capture_default_str();
-  c->add_option("--denoise", a->render.denoise, "Filter the guess: auto (with exact 0), off")
+  c->add_option("--denoise", a->render.denoise,
+                "Filter guess and correction: auto (with exact below 1), off")
       ->check(CLI::IsMember({"auto", "off"}))
       ->capture_default_str();
   c->add_option("--seed", a->render.settings.seed, "Seed of all random numbers")

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <memory>
 #include <optional>
 
@@ -205,7 +206,7 @@ json slopeOf(const json& points) {
   return n < 2.0 || spread <= 0.0 ? json(nullptr) : json((n * sxy - sx * sy) / spread);
 }
 
-json benchTradeoff(const TradeoffArguments& a) {
+json benchTradeoff(const TradeoffArguments& a, const std::function<void(const json&)>& sceneDone) {
   json out = {{"bench", "tradeoff"},
               {"machine", machine()},
               {"settings",
@@ -221,6 +222,7 @@ json benchTradeoff(const TradeoffArguments& a) {
     for (const json& run : out["scenes"].back()["runs"]) {
       if (run["device"] != "none") out["machine"]["device"] = run["device"];
     }
+    sceneDone(out);
   }
   return out;
 }

@@ -1,6 +1,7 @@
 // Speed against accuracy: error over time for several shares of exact samples.
 #pragma once
 
+#include <functional>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
@@ -33,8 +34,9 @@ struct TradeoffArguments {
 /// The document: {"bench": "tradeoff", "machine": {..}, "settings": {..}, "scenes": [{"name",
 /// "input", "environment", "reference": {..}, "setup": {..}, "runs": [{"exact", "points":
 /// [{"seconds", "samples", "relmse", "flip", "mean_ratio", ..}], "slope", ..}], "peers": []}]}.
-/// Throws Error.
-nlohmann::json benchTradeoff(const TradeoffArguments& arguments);
+/// `sceneDone` gets the document after each scene. Throws Error.
+nlohmann::json benchTradeoff(const TradeoffArguments& arguments,
+                             const std::function<void(const nlohmann::json&)>& sceneDone);
 
 /// Exponent s of error ~ seconds^s, fitted to the logarithms of the last half of the points; null
 /// for fewer than two of them or an error that is not positive. Unbiased sampling has -1.

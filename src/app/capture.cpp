@@ -25,12 +25,15 @@ double now() {
 
 }  // namespace
 
-std::uint64_t jobKey(const RenderArguments& a, const Scene& scene, const std::vector<View>& views) {
+std::uint64_t jobKey(const RenderArguments& a, const Model& model, const std::vector<View>& views) {
   const RenderSettings& s = a.settings;
   std::string text =
       fmt::format("{} {}x{} {} {} {} {} {} {}", kVersion, s.width, s.height, s.exact, s.seed,
                   static_cast<int>(s.guess), s.device, s.denoise, a.environment);
-  for (const SourceFile& file : scene.files) text += fmt::format(" {:016x}", hashFile(file.path));
+  for (const SourceFile& file : model.scene.files)
+    text += fmt::format(" {:016x}", hashFile(file.path));
+  // A memory limit may have made the voxels coarser.
+  if (model.voxels) text += fmt::format(" {}", model.voxels->info.leafCount);
   for (const std::string& layer : a.layers) text += ' ' + layer;
   for (const View& view : views) text += ' ' + cameraText(view.camera);
   return XXH3_64bits(text.data(), text.size());
@@ -43,7 +46,7 @@ Capture::Capture(const RenderArguments& arguments, std::shared_ptr<const Model> 
       views_(std::move(views)),
       layers_(layersFromNames(arguments.layers)),
       importSeconds_(importSeconds),
-      key_(jobKey(arguments, model_->scene, views_)) {}
+      key_(arguments.checkpoint.empty() ? 0 : jobKey(arguments, *model_, views_)) {}
 
 int Capture::run() {
   if (!a_.checkpoint.empty()) openCheckpoint();

@@ -36,7 +36,7 @@ class Capture {
   std::vector<View> views_;
   PictureLayers layers_;
   double importSeconds_;
-  std::uint64_t key_ = 0;  ///< of the job
+  std::uint64_t key_ = 0;  ///< of the job, if it has checkpoints
   std::optional<CheckpointReader> resumed_;
   double nextCheckpoint_ = 0.0;
   nlohmann::json summaries_ = nlohmann::json::array();  ///< of finished pictures
@@ -45,7 +45,8 @@ class Capture {
 /// Stops of a tone-mapped picture: as asked for, or from the picture. Throws Error(kUsage).
 float exposureOf(const RenderArguments& a, const Picture& picture);
 
-/// Hash of all that decides the bits of a job's pictures: the source, the settings, the views.
-std::uint64_t jobKey(const RenderArguments& a, const Scene& scene, const std::vector<View>& views);
+/// Hash of all that decides the bits of a job's pictures: the source files, the settings, the
+/// views.
+std::uint64_t jobKey(const RenderArguments& a, const Model& model, const std::vector<View>& views);
 
 }  // namespace trex

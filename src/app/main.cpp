@@ -41,7 +41,9 @@ int run(int argc, char** argv) {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success)) return app.exit(e);
-    trex::logError("{}; see trex --help", e.what());
+    const bool unknown = app.get_subcommands().empty() && argc > 1 && argv[1][0] != '-';
+    trex::logError("{}; see trex --help",
+                   unknown ? fmt::format("no command '{}'", argv[1]) : e.what());
     return static_cast<int>(trex::ExitCode::kUsage);
   }
   return exitCode;

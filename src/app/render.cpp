@@ -4,6 +4,7 @@
 
 #include <chrono>
 #include <cstdlib>
+#include <filesystem>
 #include <memory>
 #include <optional>
 
@@ -61,7 +62,9 @@ int render(RenderArguments& a) {
     importSeconds = seconds() - start;
     logVerbose("{}: {} triangles, {} unique, {} instances", a.input, scene.triangleCount(),
                scene.uniqueTriangleCount(), scene.instances.size());
-    model.voxelBytes = preflight(scene, a.settings, layers).voxelBytes;
+    const std::uint64_t baked =
+        isBundlePath(a.input) ? std::filesystem::file_size(a.input) : std::uint64_t{0};
+    model.voxelBytes = preflight(scene, a.settings, layers, baked).voxelBytes;
     catchInterrupts();
   };
   auto model = std::make_shared<const Model>(openModel(a.input, open));

@@ -174,6 +174,7 @@ Model openBundle(const fs::path& path, const OpenOptions& options) {
   if (options.environment) scene.environment = *options.environment;
   for (const std::string& w : scene.warnings) logWarning("{}", w);
   noteVoxels(path, contents, options.model);
+  scene.files = {examineSource(path)};
   Model model;
   model.scene = std::move(scene);
   ModelOptions ignored = options.model;

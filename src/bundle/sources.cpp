@@ -1,13 +1,7 @@
 // The files that a bundle was baked from.
-#include <array>
-#include <cstdio>
-#include <memory>
-
-#define XXH_INLINE_ALL
-#include <xxhash.h>
-
 #include "src/bundle/bundle.h"
 #include "src/core/error.h"
+#include "src/core/hash.h"
 
 namespace trex {
 namespace {
@@ -19,21 +13,6 @@ fs::path folderOf(const fs::path& bundle) {
   const fs::path folder = bundle.has_parent_path() ? bundle.parent_path() : fs::path(".");
   const fs::path whole = fs::weakly_canonical(fs::absolute(folder, ignored), ignored);
   return whole.empty() ? folder : whole;
-}
-
-/// Throws Error(kInput).
-std::uint64_t hashFile(const fs::path& path) {
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"),
-                                                             &std::fclose);
-  if (!file) fail(ExitCode::kInput, "{}: can't be opened for reading", path.string());
-  XXH3_state_t state;
-  XXH3_64bits_reset(&state);
-  std::vector<std::byte> buffer(std::size_t{1} << 20);
-  while (const std::size_t got = std::fread(buffer.data(), 1, buffer.size(), file.get())) {
-    XXH3_64bits_update(&state, buffer.data(), got);
-  }
-  if (std::ferror(file.get())) fail(ExitCode::kInput, "{}: can't be read", path.string());
-  return XXH3_64bits_digest(&state);
 }
 
 bool same(const SourceFile& a, const SourceFile& b) {

@@ -56,20 +56,22 @@ std::vector<NonFiniteSample> Accumulator::nonFiniteSamples() const {
 }
 
 dvec3 Accumulator::pooledDifferenceVariance() const {
-  dvec3 sum(0.0), squares(0.0);
-  double known = 0.0, single = 0.0;
+  dvec3 sum(0.0);
+  double known = 0.0;
   for (const DifferenceMoments& moments : difference_) {
     const Moments& d = moments.difference();
-    if (d.count() == 1) {
-      squares += d.mean() * d.mean();
-      single += 1.0;
-    } else if (d.count() > 1) {
-      sum += d.varianceOfMean() * static_cast<double>(d.count());
-      known += 1.0;
-    }
+    if (d.count() < 2) continue;
+    sum += d.varianceOfMean() * static_cast<double>(d.count());
+    known += 1.0;
   }
-  if (known > 0.0) return sum / known;
-  return single > 0.0 ? squares / single : dvec3(0.0);
+  return known > 0.0 ? sum / known : sum;
+}
+
+std::uint64_t Accumulator::fewestPairs() const {
+  if (difference_.empty()) return 0;
+  std::uint64_t fewest = ~std::uint64_t{0};
+  for (const DifferenceMoments& d : difference_) fewest = std::min(fewest, d.difference().count());
+  return fewest;
 }
 
 /// Mean of the pixels around one, itself where it has none.

@@ -40,9 +40,10 @@ class Accumulator {
   Moments difference(std::uint32_t x, std::uint32_t y) const {
     return difference_.empty() ? Moments{} : difference_[index(x, y)].difference();
   }
-  /// Mean over all pixels of the variance of one difference, for pixels with too few pairs to tell;
-  /// the mean square if none has two.
+  /// Mean over the pixels with two pairs or more of the variance of one difference.
   dvec3 pooledDifferenceVariance() const;
+  /// Pairs of the pixel that has fewest.
+  std::uint64_t fewestPairs() const;
   std::uint64_t samples(std::uint32_t x, std::uint32_t y) const;
   std::uint64_t pairs(std::uint32_t x, std::uint32_t y) const;
 

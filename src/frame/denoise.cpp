@@ -16,7 +16,8 @@ constexpr float kPlaneTolerance = 1.0f;  // pixel widths off the surface's plane
 constexpr float kAlbedoTolerance = 0.1f;
 constexpr float kLeastAlbedo = 0.02f;
 
-constexpr float kFar = 20.0f;  // exponents beyond count as infinite
+constexpr float kDoubt = 4.0f;  // of variances: they are estimates, too small where light is rare
+constexpr float kFar = 20.0f;   // exponents beyond count as infinite
 
 /// exp(-x) for x >= 0, within 2e-4 of itself; 0 beyond kFar. A polynomial for the fraction of the
 /// power of two, its integer part goes into the exponent's bits.
@@ -85,7 +86,7 @@ class Filter {
       if (!shrink) continue;
       const float value = luminance(cells_[i].light);
       const float square = value * value;
-      out[i] *= square > 0.0f ? square / (square + cells_[i].variance) : 0.0f;
+      out[i] *= square > 0.0f ? square / (square + kDoubt * cells_[i].variance) : 0.0f;
     }
     return out;
   }

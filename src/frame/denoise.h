@@ -20,7 +20,7 @@ std::vector<vec3> denoiseGuess(const FeatureImage& features, const std::vector<v
                                const std::vector<vec3>& variance);
 
 /// Filters the mean difference between exact paths and guess alike, then scales each pixel's result
-/// d, with v its variance after the filter, by d^2 / (d^2 + v). Values may be negative.
+/// d, with v its variance after the filter, by d^2 / (d^2 + 4 v). Values may be negative.
 std::vector<vec3> denoiseCorrection(const FeatureImage& features,
                                     const std::vector<vec3>& difference,
                                     const std::vector<vec3>& variance);

@@ -103,7 +103,8 @@ std::vector<Kernel> sensitivityKernels(const Sensitivity& s, double pixelsPerDeg
       static_cast<int>(std::ceil(3.0 * std::sqrt(kWidestB / (2.0 * kPi2)) * pixelsPerDegree));
   std::vector<Kernel> kernels;
   double total = 0.0;
-  for (const auto& [a, b] : {std::pair{s.a1, s.b1}, {s.a2, s.b2}}) {
+  for (const auto& gaussian : {std::pair{s.a1, s.b1}, {s.a2, s.b2}}) {
+    const double a = gaussian.first, b = gaussian.second;
     if (a == 0.0) continue;
     const double height = std::sqrt(a * std::sqrt(std::numbers::pi / b));
     kernels.push_back(sampled(radius, [&](double i) {

@@ -81,8 +81,8 @@ void checkSourceFits(const std::filesystem::path& source, const RenderSettings& 
   }
 }
 
-Preflight preflight(const Scene& scene, const RenderSettings& settings,
-                    const PictureLayers& layers) {
+Preflight preflight(const Scene& scene, const RenderSettings& settings, const PictureLayers& layers,
+                    std::uint64_t bakedBytes) {
   Preflight p;
   p.allowed = allowedBytes(settings);
   const auto phase = [&p](const char* name, std::uint64_t bytes) {
@@ -96,14 +96,17 @@ Preflight preflight(const Scene& scene, const RenderSettings& settings,
   const bool device = voxels && settings.device != RenderSettings::kNoDevice;
   phase("now, with the source,", here);
   phase("building meshes", here + unique * kBuildBytesATriangle);
-  if (voxels) {
+  if (voxels && bakedBytes == 0) {
     phase("building voxels",
           here + meshes + scene.triangleCount() * kPlacedBytes + 2 * kFewestVoxelBytes);
   }
   // Memory that was freed may stay with the process in part: half is counted on.
-  phase("rendering",
-        here - std::min(here, sourceBytes(scene) / 2) + meshes + (device ? kDeviceBytes : 0) +
-            (voxels ? kFewestVoxelBytes * kVoxelCopies : 0) + frameBytes(settings, layers));
+  // A bundle is resident by now; its voxels go to the device once more, with light and flux.
+  const std::uint64_t voxelBytes =
+      bakedBytes > 0 ? 2 * bakedBytes : kFewestVoxelBytes * kVoxelCopies;
+  phase("rendering", here - std::min(here, sourceBytes(scene) / 2) + meshes +
+                         (device ? kDeviceBytes : 0) + (voxels ? voxelBytes : 0) +
+                         frameBytes(settings, layers));
   logVerbose("memory: {:>10} allowed", formatBytes(p.allowed));
   if (p.needed > p.allowed) refuse(p, settings);
   if (voxels) {

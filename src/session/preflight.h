@@ -29,7 +29,8 @@ void checkSourceFits(const std::filesystem::path& source, const RenderSettings& 
 
 /// Estimates from an imported scene, whose own bytes are measured. Logs the table (kVerbose).
 /// Throws Error(kMemoryOrDevice), with the table in the log, if it does not fit.
-Preflight preflight(const Scene& scene, const RenderSettings& settings,
-                    const PictureLayers& layers);
+/// `bakedBytes`: size of the bundle that the scene is from, 0 if it is imported.
+Preflight preflight(const Scene& scene, const RenderSettings& settings, const PictureLayers& layers,
+                    std::uint64_t bakedBytes = 0);
 
 }  // namespace trex

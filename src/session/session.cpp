@@ -18,6 +18,7 @@ namespace trex {
 namespace {
 
 constexpr std::uint32_t kTileSize = 64;
+constexpr std::uint64_t kPairsThatTell = 2;  // a pixel, from which on there is a variance
 
 double now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
@@ -272,13 +273,15 @@ std::vector<vec3> Session::shown() {
   std::vector<vec3> out =
       denoiseGuess(*features_, gather([&](Pixel x, Pixel y) { return frame_.guess(x, y).mean(); }),
                    gather([&](Pixel x, Pixel y) { return frame_.guess(x, y).varianceOfMean(); }));
-  if (settings_.exact > 0.0) {
+  if (settings_.exact > 0.0 && frame_.fewestPairs() >= kPairsThatTell) {
+    // A rare bright path makes both mean and variance of its pixel large; a pixel that has met none
+    // knows too little of them. So no variance counts as less than that of all pixels together.
     const dvec3 pooled = frame_.pooledDifferenceVariance();
     const auto correction = denoiseCorrection(
         *features_, gather([&](Pixel x, Pixel y) { return frame_.difference(x, y).mean(); }),
         gather([&](Pixel x, Pixel y) {
           const Moments d = frame_.difference(x, y);
-          return d.count() > 1 ? d.varianceOfMean() : pooled;
+          return glm::max(d.varianceOfMean(), pooled / static_cast<double>(d.count()));
         }));
     for (std::size_t i = 0; i < out.size(); ++i) out[i] += correction[i];
   }

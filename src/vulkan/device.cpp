@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdlib>
 
 #include "src/core/error.h"
 
@@ -74,6 +75,9 @@ Device::Impl::~Impl() {
 Device::Device(const DeviceOptions& options) : impl_(std::make_unique<Impl>()) {
   Impl& d = *impl_;
   d.options = options;
+  if (const char* n = std::getenv("TREX_FAIL_SUBMIT")) {
+    d.options.failSubmit = std::strtoull(n, nullptr, 10);
+  }
   d.instance = Instance::get();
   d.times.instance = d.instance->seconds();
   const auto start = std::chrono::steady_clock::now();

@@ -15,7 +15,8 @@
 // from it belong to one thread at a time. Work submitted by a Batch goes on beside the caller.
 //
 // Environment: TREX_VALIDATION=1 turns on VK_LAYER_KHRONOS_validation with its synchronisation
-// checks; every message goes to stderr and into validationMessages().
+// checks; every message goes to stderr and into validationMessages(). TREX_FAIL_SUBMIT=n: as
+// DeviceOptions::failSubmit, for tests of whole programs.
 #pragma once
 
 #include <cstddef>

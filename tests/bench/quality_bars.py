@@ -114,7 +114,7 @@ def consistent(run):
         sides = []
         for share, seed in (("0.25", "11"), ("1", "12")):
             picture, _ = run.render(scene, f"consistent-{share}", [
-                "--exact", share, "--time", run.options.seconds, "--seed", seed, "--aov", "variance"])
+                "--exact", share, "--time", run.options.seconds, "--seed", seed, "--aov", "variance", "--denoise", "off"])
             sides.append(mean_and_variance(picture))
         (a, va), (b, vb) = sides
         z = [(a[c] - b[c]) / (va[c] + vb[c]) ** 0.5 for c in range(3)]

@@ -5,4 +5,4 @@ gtest_discover_tests(bundle_test DISCOVERY_TIMEOUT 60)
 
 add_test(NAME bake_test COMMAND ${Python3_EXECUTABLE} ${CMAKE_CURRENT_LIST_DIR}/bake_test.py
   --trex $<TARGET_FILE:trex> --assets ${CMAKE_SOURCE_DIR}/assets)
-set_tests_properties(bake_test PROPERTIES TIMEOUT 900)
+set_tests_properties(bake_test PROPERTIES LABELS program TIMEOUT 900)

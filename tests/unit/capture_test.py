@@ -126,6 +126,17 @@ class CaptureTest(unittest.TestCase):
         self.assertIn("going on", stderr)
         self.assertNotEqual(read(out), early)
 
+    def test_a_lost_device_leaves_the_picture_so_far(self):
+        out = self.path("a.exr")
+        environment = {**os.environ, "TREX_FAIL_SUBMIT": "60"}
+        result = subprocess.run([TREX, "render", self.cornell, "-o", out, "--size", "64x64", "--spp", "5000",
+                                 "--guess", "cone", "--aov", "sampleCount"],
+                                capture_output=True, text=True, timeout=600, env=environment)
+        self.assertEqual(result.returncode, 4, result.stderr)
+        self.assertIn("--device none", result.stderr)
+        self.assertIn("saved after", result.stderr)
+        self.assertEqual(run("diff", out, out).returncode, 0)
+
     def test_several_cameras_make_numbered_pictures(self):
         views = ["0,1,3.2/0,1,0/0,1,0/40", "0.5,1,3.2/0,1,0/0,1,0/40"]
         result = self.render("-o", self.path("a.exr"), "--size", "24x16", "--spp", 2, "--camera", views[0],

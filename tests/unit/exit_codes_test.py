@@ -20,7 +20,7 @@ COMMANDS = {"render", "doctor", "diff", "merge"}
 
 ROWS = """
 2 | subcommand            |
-2 | subcommand            | paint
+2 | paint                 | paint
 2 | subcommand            | --sunny
 2 | subcommand            | -q
 2 | colour                | doctor --colour

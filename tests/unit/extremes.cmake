@@ -6,4 +6,4 @@ add_dependencies(extremes_test test_scenes)
 gtest_discover_tests(extremes_test DISCOVERY_TIMEOUT 60 PROPERTIES TIMEOUT 600 LABELS slow)
 add_test(NAME extremes_program_test COMMAND ${Python3_EXECUTABLE}
   ${CMAKE_CURRENT_LIST_DIR}/extremes_test.py --trex $<TARGET_FILE:trex>)
-set_tests_properties(extremes_program_test PROPERTIES TIMEOUT 900)
+set_tests_properties(extremes_program_test PROPERTIES LABELS program TIMEOUT 900)

@@ -3,4 +3,4 @@ target_link_libraries(session_test PRIVATE trex_session GTest::gtest_main)
 gtest_discover_tests(session_test PROPERTIES TIMEOUT 600)
 add_test(NAME capture_test COMMAND ${Python3_EXECUTABLE} ${CMAKE_CURRENT_LIST_DIR}/capture_test.py
   --trex $<TARGET_FILE:trex> --assets ${CMAKE_SOURCE_DIR}/assets)
-set_tests_properties(capture_test PROPERTIES TIMEOUT 900)
+set_tests_properties(capture_test PROPERTIES LABELS program TIMEOUT 900)
