@@ -1,5 +1,4 @@
-// Writes small valid .hccm, .asvo and .trex files and scenes, where the fuzzing of those formats
-// starts.
+// Writes small valid .hccm and .asvo files, where the fuzzing of those formats starts.
 // Usage: fuzz_seeds FOLDER
 #include <cstdio>
 #include <cstring>
@@ -12,7 +11,6 @@
 #include "hccmesh/layout.h"
 #include "hccmesh/validate.h"
 #include "tests/unit/asvo_shapes.h"
-#include "tests/unit/bundle_scene.h"
 
 namespace {
 
@@ -94,25 +92,6 @@ void writeTrees(const fs::path& folder) {
   write(folder / "empty.asvo", asvo::Tree::build(asvo_shapes::Shape()).toBytes());
 }
 
-void writeBundle(const fs::path& folder, const std::string& name, trex::Scene scene, bool voxels) {
-  trex::BakeFacts facts;
-  facts.input = "little.glb";
-  facts.requirements = trex::bundle::requirementsOf(scene, voxels);
-  facts.voxelDepth = voxels ? 2 : 0;
-  const trex::Model model =
-      trex::makeModel(std::move(scene), {.voxels = voxels, .voxelDepth = 2, .precisionBits = 12});
-  const std::vector<std::byte> bytes = trex::bundleBytes(model, facts);
-  write(folder / "bundle" / (name + ".trex"), bytes);
-  const trex::bundle::Container file(bytes, name);
-  write(folder / "scene" / (name + ".json"), file.section("scene.json"));
-}
-
-void writeBundles(const fs::path& folder) {
-  writeBundle(folder, "furnace", trex::test::furnace(0.5f), true);
-  writeBundle(folder, "exact", trex::test::furnace(0.5f), false);
-  writeBundle(folder, "everything", trex::test::littleOfEverything(), true);
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -123,9 +102,6 @@ int main(int argc, char** argv) {
   const fs::path folder = argv[1];
   fs::create_directories(folder / "hccm");
   fs::create_directories(folder / "asvo");
-  fs::create_directories(folder / "bundle");
-  fs::create_directories(folder / "scene");
   writeMeshes(folder / "hccm");
   writeTrees(folder / "asvo");
-  writeBundles(folder);
 }
