@@ -27,7 +27,15 @@ double seconds() {
 }
 
 void checkOutputs(const std::vector<View>& views, const std::string& checkpoint) {
-  for (const View& view : views) checkWritable(view.output);
+  namespace fs = std::filesystem;
+  for (const View& view : views) {
+    checkWritable(view.output);
+    if (!checkpoint.empty() &&
+        fs::weakly_canonical(view.output) == fs::weakly_canonical(checkpoint)) {
+      fail(ExitCode::kUsage, "--checkpoint {}: is the picture's file too; name another",
+           checkpoint);
+    }
+  }
   if (!checkpoint.empty()) checkWritable(checkpoint);
 }
 

@@ -110,6 +110,7 @@ class CaptureTest(unittest.TestCase):
             f.write(b"?")
         self.render(*job, "--resume", code=3, says="checksum")
         self.render("-o", out, "--resume", code=2, says="--checkpoint")
+        self.render("-o", out, "--checkpoint", out, code=2, says="name another")
         self.render("-o", out, "--checkpoint", self.path("no/such/file"), code=5, says="no/such")
 
     def test_hangup_writes_the_picture_and_goes_on(self):
