@@ -36,6 +36,7 @@ struct Texture {
   vec2 offset{0.0f}, scale{1.0f};
   float rotation = 0.0f;
   bool present() const { return image != kNone; }
+  bool operator==(const Texture&) const = default;
 };
 
 enum class AlphaMode : std::uint8_t { kOpaque, kMask, kBlend };
@@ -65,6 +66,7 @@ struct Material {
   Texture specularTexture;       ///< A
   Texture specularColorTexture;  ///< sRGB
   bool emits() const { return emission.x > 0.0f || emission.y > 0.0f || emission.z > 0.0f; }
+  bool operator==(const Material&) const = default;
 };
 
 /// Triangles of one material. Arrays are either empty or as long as positions.
@@ -98,6 +100,8 @@ struct Light {
   vec3 intensity{1.0f};               ///< W/sr (point, spot), W/m^2 (directional); colour included
   float range = kInfinity;
   float innerConeAngle = 0.0f, outerConeAngle = 0.785398f;
+  float radius = 0.0f;  ///< metres, of the ball that point and spot lights shine from; 0: a point
+  bool operator==(const Light&) const = default;
 };
 
 /// A pinhole camera. World to image: right, up, -forward as in glTF.
@@ -108,6 +112,7 @@ struct Camera {
   float verticalFov = 0.7f;                               ///< radians
   bool orthographic = false;
   float orthographicHeight = 1.0f;  ///< metres, whole height
+  bool operator==(const Camera&) const = default;
 };
 
 /// What surrounds the scene. Radiance towards the scene; black by default.
@@ -115,7 +120,9 @@ struct Environment {
   vec3 color{0.0f};  ///< of a constant sky; the factor of a map
   std::shared_ptr<const Image>
       map;  ///< latitude-longitude, +y up, three float channels; may be null
+  float rotation = 0.0f;  ///< radians about +y, of the map; counter-clockwise from above
   bool present() const { return map != nullptr || color.x > 0 || color.y > 0 || color.z > 0; }
+  bool operator==(const Environment&) const = default;
 };
 
 /// A file that an import read, as it was when it was opened.
