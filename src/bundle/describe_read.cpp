@@ -3,30 +3,21 @@
 #include <numbers>
 
 #include "src/bundle/contents.h"
-#include "src/bundle/json_object.h"
+#include "src/core/json_object.h"
+#include "src/scene/scene_json.h"
 
 namespace trex::bundle {
 namespace {
 
 using nlohmann::json;
 
-constexpr float kMost = std::numeric_limits<float>::max();
-constexpr float kLeast = std::numeric_limits<float>::denorm_min();
 constexpr int kMaxImageSide = 1 << 16;
 constexpr std::uint64_t kMaxTexels = std::uint64_t{1} << 30;
 constexpr std::uint64_t kMaxElements = 0xfffffff0u;  // of a mesh: indices are 32 bits wide
-
-vec3 vector(const JsonObject& o, const char* key, float low = -kMost, float high = kMost) {
-  vec3 v;
-  o.reals(key, &v[0], 3, low, high);
-  return v;
-}
-
-vec3 unitVector(const JsonObject& o, const char* key) {
-  const vec3 v = vector(o, key, -1.1f, 1.1f);
-  if (std::abs(glm::length(v) - 1.0f) > 1e-3f) o.bad(key, "is not of length 1");
-  return v;
-}
+constexpr auto kTextureKeys = {"base_color_texture",    "metallic_roughness_texture",
+                               "normal_texture",        "emissive_texture",
+                               "transmission_texture",  "specular_texture",
+                               "specular_color_texture"};
 
 Texture readTexture(const JsonObject& material, const char* key, std::size_t images) {
   Texture t;
@@ -53,83 +44,13 @@ void readTextures(const JsonObject& o, std::size_t images, Material& m) {
 }
 
 Material readMaterial(const JsonObject& o, std::size_t images) {
-  o.allow({"name",
-           "base_color",
-           "metallic",
-           "roughness",
-           "emission",
-           "normal_scale",
-           "alpha_mode",
-           "alpha_cutoff",
-           "double_sided",
-           "unlit",
-           "specular",
-           "specular_color",
-           "ior",
-           "transmission",
-           "volume",
-           "attenuation_color",
-           "attenuation_distance_metres",
-           "base_color_texture",
-           "metallic_roughness_texture",
-           "normal_texture",
-           "emissive_texture",
-           "transmission_texture",
-           "specular_texture",
-           "specular_color_texture"});
+  std::vector<const char*> keys = materialKeys();
+  keys.insert(keys.end(), kTextureKeys.begin(), kTextureKeys.end());
+  o.allow(keys);
   Material m;
-  m.name = o.text("name");
-  o.reals("base_color", &m.baseColor[0], 4, 0.0f, 1.0f);
-  m.metallic = o.real("metallic", 0.0f, 1.0f);
-  m.roughness = o.real("roughness", 0.0f, 1.0f);
-  m.emission = vector(o, "emission", 0.0f);
-  m.normalScale = o.real("normal_scale");
-  m.alphaMode = static_cast<AlphaMode>(o.oneOf("alpha_mode", {"opaque", "mask", "blend"}));
-  m.alphaCutoff = o.real("alpha_cutoff", 0.0f);
-  m.doubleSided = o.boolean("double_sided");
-  m.unlit = o.boolean("unlit");
-  m.specular = o.real("specular", 0.0f, 1.0f);
-  m.specularColor = vector(o, "specular_color", 0.0f);
-  m.ior = o.real("ior", 1.0f);
-  m.transmission = o.real("transmission", 0.0f, 1.0f);
-  m.volume = o.boolean("volume");
-  m.attenuationColor = vector(o, "attenuation_color", 0.0f, 1.0f);
-  if (o.has("attenuation_distance_metres")) {
-    m.attenuationDistance = o.real("attenuation_distance_metres", 0.0f);
-  }
+  readMaterialJson(o, m, true);
   readTextures(o, images, m);
   return m;
-}
-
-Light readLight(const JsonObject& o) {
-  o.allow({"name", "type", "position", "direction", "intensity", "inner_cone_angle_radians",
-           "outer_cone_angle_radians", "range_metres"});
-  constexpr float kLargest = static_cast<float>(std::numbers::pi);
-  Light l;
-  l.name = o.text("name");
-  l.type = static_cast<Light::Type>(o.oneOf("type", {"point", "spot", "directional"}));
-  o.numbers("position", &l.position[0], 3);
-  l.direction = unitVector(o, "direction");
-  l.intensity = vector(o, "intensity", 0.0f);
-  l.outerConeAngle = o.real("outer_cone_angle_radians", 0.0f, kLargest);
-  l.innerConeAngle = o.real("inner_cone_angle_radians", 0.0f, l.outerConeAngle);
-  if (o.has("range_metres")) l.range = o.real("range_metres", 0.0f);
-  return l;
-}
-
-Camera readCamera(const JsonObject& o) {
-  o.allow({"name", "eye", "forward", "up", "vertical_fov_radians", "orthographic",
-           "orthographic_height_metres"});
-  Camera c;
-  c.name = o.text("name");
-  o.numbers("eye", &c.eye[0], 3);
-  c.forward = unitVector(o, "forward");
-  c.up = unitVector(o, "up");
-  if (std::abs(glm::dot(c.forward, c.up)) > 1e-3f) o.bad("up", "is not at right angles to forward");
-  c.verticalFov = o.real("vertical_fov_radians", kLeast, 3.1415925f);
-  c.orthographic = o.boolean("orthographic");
-  c.orthographicHeight = o.real("orthographic_height_metres", kLeast);
-  return c;
 }
 
 Image readImage(const JsonObject& o, bool& isFloat) {
@@ -149,7 +70,7 @@ Image readImage(const JsonObject& o, bool& isFloat) {
 Environment readEnvironment(const JsonObject& o) {
   o.allow({"color", "map"});
   Environment environment;
-  environment.color = vector(o, "color", 0.0f);
+  environment.color = jsonVector(o, "color", 0.0f);
   if (!o.has("map")) return environment;
   bool isFloat = false;
   const JsonObject size = o.object("map");
@@ -247,8 +168,8 @@ void readScene(const JsonObject& root, Description& d) {
   s.warnings = texts(root, "warnings");
   s.objects = texts(root, "objects");
   s.droppedTriangles = root.integer("dropped_triangles", 0, ~std::uint64_t{0});
-  forEach(root, "cameras", [&](const JsonObject& o) { s.cameras.push_back(readCamera(o)); });
-  forEach(root, "lights", [&](const JsonObject& o) { s.lights.push_back(readLight(o)); });
+  forEach(root, "cameras", [&](const JsonObject& o) { s.cameras.push_back(readCameraJson(o)); });
+  forEach(root, "lights", [&](const JsonObject& o) { s.lights.push_back(readLightJson(o)); });
   s.environment = readEnvironment(root.object("environment"));
   forEach(root, "images", [&](const JsonObject& o) {
     bool isFloat = false;
@@ -301,7 +222,8 @@ Description readDescription(std::span<const std::byte> text, const std::string& 
   } catch (const json::exception& e) {
     fail(ExitCode::kInput, "{}: scene.json is not JSON: {:.200}; bake again", name, e.what());
   }
-  return read(JsonObject(document, name, ""));
+  const JsonDocument place{name + ": scene.json", "; bake again"};
+  return read(JsonObject(document, place, ""));
 }
 
 }  // namespace trex::bundle

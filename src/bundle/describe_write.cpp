@@ -5,18 +5,12 @@
 #include <nlohmann/json.hpp>
 
 #include "src/bundle/contents.h"
+#include "src/scene/scene_json.h"
 
 namespace trex::bundle {
 namespace {
 
-using Json = nlohmann::ordered_json;
-
-template <typename Vector>
-Json list(const Vector& v) {
-  Json out = Json::array();
-  for (int i = 0; i < v.length(); ++i) out.push_back(double{v[i]});
-  return out;
-}
+using Json = OrderedJson;
 
 Json list(const dmat4& m) {
   Json out = Json::array();
@@ -41,35 +35,13 @@ const char* nameOf(Texture::Wrap wrap) {
 
 void put(Json& out, const char* key, const Texture& t) {
   if (!t.present()) return;
-  out[key] = {{"image", t.image},         {"wrap_s", nameOf(t.wrapS)}, {"wrap_t", nameOf(t.wrapT)},
-              {"offset", list(t.offset)}, {"scale", list(t.scale)},    {"rotation", t.rotation}};
-}
-
-/// Left out where infinite, which JSON can't say.
-void put(Json& out, const char* key, float value) {
-  if (std::isfinite(value)) out[key] = double{value};
+  out[key] = {{"image", t.image},           {"wrap_s", nameOf(t.wrapS)},
+              {"wrap_t", nameOf(t.wrapT)},  {"offset", jsonList(t.offset)},
+              {"scale", jsonList(t.scale)}, {"rotation", t.rotation}};
 }
 
 Json json(const Material& m) {
-  Json out = {{"name", m.name},
-              {"base_color", list(m.baseColor)},
-              {"metallic", m.metallic},
-              {"roughness", m.roughness},
-              {"emission", list(m.emission)},
-              {"normal_scale", m.normalScale},
-              {"alpha_mode", m.alphaMode == AlphaMode::kOpaque ? "opaque"
-                             : m.alphaMode == AlphaMode::kMask ? "mask"
-                                                               : "blend"},
-              {"alpha_cutoff", m.alphaCutoff},
-              {"double_sided", m.doubleSided},
-              {"unlit", m.unlit},
-              {"specular", m.specular},
-              {"specular_color", list(m.specularColor)},
-              {"ior", m.ior},
-              {"transmission", m.transmission},
-              {"volume", m.volume},
-              {"attenuation_color", list(m.attenuationColor)}};
-  put(out, "attenuation_distance_metres", m.attenuationDistance);
+  Json out = materialJson(m);
   put(out, "base_color_texture", m.baseColorTexture);
   put(out, "metallic_roughness_texture", m.metallicRoughnessTexture);
   put(out, "normal_texture", m.normalTexture);
@@ -80,29 +52,8 @@ Json json(const Material& m) {
   return out;
 }
 
-Json json(const Light& l) {
-  Json out = {{"name", l.name},
-              {"type", l.type == Light::Type::kPoint  ? "point"
-                       : l.type == Light::Type::kSpot ? "spot"
-                                                      : "directional"},
-              {"position", list(l.position)},
-              {"direction", list(l.direction)},
-              {"intensity", list(l.intensity)},
-              {"inner_cone_angle_radians", l.innerConeAngle},
-              {"outer_cone_angle_radians", l.outerConeAngle}};
-  put(out, "range_metres", l.range);
-  return out;
-}
-
-Json json(const Camera& c) {
-  return {{"name", c.name},
-          {"eye", list(c.eye)},
-          {"forward", list(c.forward)},
-          {"up", list(c.up)},
-          {"vertical_fov_radians", c.verticalFov},
-          {"orthographic", c.orthographic},
-          {"orthographic_height_metres", c.orthographicHeight}};
-}
+Json json(const Light& l) { return lightJson(l); }
+Json json(const Camera& c) { return cameraJson(c); }
 
 Json json(const Instance& i) {
   return {
@@ -133,7 +84,7 @@ Json size(const Image& image, bool isFloat) {
 
 Json meshes(const Description& d) {
   Json out = each(d.scene.meshes, [](const Mesh& m) {
-    Json mesh = {{"name", m.name}, {"origin", list(m.origin)}, {"material", m.material}};
+    Json mesh = {{"name", m.name}, {"origin", jsonList(m.origin)}, {"material", m.material}};
     if (m.sameGeometryAs != kNone) mesh["same_geometry_as"] = m.sameGeometryAs;
     return mesh;
   });
@@ -144,7 +95,7 @@ Json meshes(const Description& d) {
 }
 
 Json json(const Environment& environment) {
-  Json out = {{"color", list(environment.color)}};
+  Json out = {{"color", jsonList(environment.color)}};
   if (environment.map) out["map"] = size(*environment.map, true);
   return out;
 }
@@ -167,7 +118,7 @@ std::string writeDescription(const Description& d) {
                     {"requirements", each(d.requirements, plain)},
                     {"warnings", scene.warnings},
                     {"dropped_triangles", scene.droppedTriangles},
-                    {"render_origin", list(d.renderOrigin)},
+                    {"render_origin", jsonList(d.renderOrigin)},
                     {"cameras", each(scene.cameras, plain)},
                     {"lights", each(scene.lights, plain)},
                     {"environment", json(scene.environment)},

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <mutex>
 
 #include "src/crays/microfacet.h"
 #include "src/scene/texture.h"
@@ -106,8 +107,58 @@ double texelWeight(const Image& map, int x, int y) {
 
 }  // namespace
 
-LightSet::LightSet(const Scene& scene, const dvec3& renderOrigin, const Box3f& bounds)
-    : environment_(scene.environment) {
+namespace {
+
+std::shared_ptr<const MapTables> makeMapTables(const Image& map) {
+  const auto width = static_cast<std::size_t>(map.width),
+             height = static_cast<std::size_t>(map.height);
+  MapTables tables;
+  std::vector<double> rows(height, 0.0), weights(width * height);
+  tables.columns.assign((width + 1) * height, 0.0);
+  double largest = 0.0;
+  for (std::size_t y = 0; y < height; ++y) {
+    for (std::size_t x = 0; x < width; ++x) {
+      weights[y * width + x] = texelWeight(map, static_cast<int>(x), static_cast<int>(y));
+      largest = std::max(largest, weights[y * width + x]);
+    }
+  }
+  for (std::size_t y = 0; y < height; ++y) {
+    double* row = &tables.columns[y * (width + 1)];
+    for (std::size_t x = 0; x < width; ++x) {
+      row[x + 1] = row[x] + std::max(weights[y * width + x], 1e-6 * largest);
+    }
+    rows[y] = row[width];
+  }
+  tables.rows = cumulate(rows);
+  // Texels are (2 pi / w) x (pi / h).
+  if (largest > 0.0) {
+    tables.power = tables.rows.back() * 2.0 * std::numbers::pi * std::numbers::pi /
+                   static_cast<double>(width * height);
+  }
+  return std::make_shared<const MapTables>(std::move(tables));
+}
+
+/// The tables of the map asked for last are kept: they cost more than all else of a light set.
+std::shared_ptr<const MapTables> mapTables(const std::shared_ptr<const Image>& map) {
+  static std::mutex mutex;
+  static std::weak_ptr<const Image> known;
+  static std::shared_ptr<const MapTables> tables;
+  const std::lock_guard lock(mutex);
+  if (!tables || known.lock() != map) {
+    tables = makeMapTables(*map);
+    known = map;
+  }
+  return tables;
+}
+
+}  // namespace
+
+LightSet::LightSet(const Scene& scene, const dvec3& renderOrigin, const Box3f& bounds,
+                   const Visibility& visibility)
+    : environment_(scene.environment),
+      mapSine_(std::sin(scene.environment.rotation)),
+      mapCosine_(std::cos(scene.environment.rotation)),
+      visibility_(visibility) {
   // Above this the power of a sky overflows single precision.
   environment_.color = glm::min(environment_.color, vec3(1e30f));
   if (!bounds.empty()) {
@@ -155,7 +206,7 @@ void LightSet::addLuminaire(const Scene& scene, const Instance& instance,
   const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
   const auto material = static_cast<std::uint32_t>(mesh.material);
   const auto object = static_cast<std::uint32_t>(instance.object);
-  if (luminance(materialRadiance_[material]) <= 0.0f) return;
+  if (luminance(materialRadiance_[material]) <= 0.0f || !visibility_.shows(object)) return;
   const float flip = glm::determinant(glm::dmat3(instance.transform)) < 0.0 ? -1.0f : 1.0f;
   const auto place = [&](std::uint32_t v) {
     const dvec3 local = mesh.origin + dvec3(mesh.positions[v]);
@@ -222,7 +273,8 @@ void LightSet::addEnvironment(const Scene& scene) {
   const double disk =
       std::numbers::pi * radius_ * radius_;  // what a parallel beam sees of the sphere
   if (scene.environment.map) {
-    buildMapTables();
+    map_ = mapTables(scene.environment.map);
+    mapPower_ = map_->power * luminance(environment_.color);
     if (mapPower_ > 0.0) {
       const Entry entry{Kind::kMap, 0, disk * mapPower_};
       lights_.push_back(entry);
@@ -232,34 +284,6 @@ void LightSet::addEnvironment(const Scene& scene) {
     const double all = 4.0 * std::numbers::pi * luminance(environment_.color);
     sources_.push_back({Kind::kConstant, 0, disk * all});
   }
-}
-
-void LightSet::buildMapTables() {
-  const Image& map = *environment_.map;
-  const auto width = static_cast<std::size_t>(map.width),
-             height = static_cast<std::size_t>(map.height);
-  std::vector<double> rows(height, 0.0);
-  mapColumns_.assign((width + 1) * height, 0.0);
-  double largest = 0.0;
-  std::vector<double> weights(width * height);
-  for (std::size_t y = 0; y < height; ++y) {
-    for (std::size_t x = 0; x < width; ++x) {
-      weights[y * width + x] = texelWeight(map, static_cast<int>(x), static_cast<int>(y));
-      largest = std::max(largest, weights[y * width + x]);
-    }
-  }
-  for (std::size_t y = 0; y < height; ++y) {
-    double* row = &mapColumns_[y * (width + 1)];
-    for (std::size_t x = 0; x < width; ++x) {
-      row[x + 1] = row[x] + std::max(weights[y * width + x], 1e-6 * largest);
-    }
-    rows[y] = row[width];
-  }
-  mapRows_ = cumulate(rows);
-  // Integral of luminance over the sphere: texels are (2 pi / w) x (pi / h).
-  mapPower_ = mapRows_.back() * 2.0 * std::numbers::pi * std::numbers::pi /
-              static_cast<double>(width * height) * luminance(environment_.color);
-  if (!(largest > 0.0)) mapPower_ = 0.0;
 }
 
 std::size_t LightSet::pick(const std::vector<double>& cumulative, float u, float& remapped) {
@@ -346,7 +370,7 @@ bool LightSet::sample(const vec3& point, Sampler& sampler, LightSample& out) con
       found = sampleLuminaire(luminaires_[entry.index], point, u, out);
       break;
     case Kind::kPunctual:
-      found = samplePunctual(punctual_[entry.index], point, out);
+      found = samplePunctual(punctual_[entry.index], point, u, out);
       break;
     case Kind::kMap:
       found = sampleMap(u, out);
@@ -386,10 +410,11 @@ bool LightSet::sampleLuminaire(const Luminaire& luminaire, const vec3& point, ve
   out.solidAngle = std::min(luminaire.area * cosine / distance2, 2.0f * kPi);
   out.radiance = materialRadiance_[luminaire.material];
   out.delta = false;
-  return true;
+  return visibility_.keeps(on);
 }
 
-bool LightSet::samplePunctual(const Punctual& punctual, const vec3& point, LightSample& out) const {
+bool LightSet::samplePunctual(const Punctual& punctual, const vec3& point, vec2 u,
+                              LightSample& out) const {
   const Light& light = punctual.light;
   out.delta = true;
   out.pdf = 1.0f;
@@ -400,7 +425,8 @@ bool LightSet::samplePunctual(const Punctual& punctual, const vec3& point, Light
     out.radiance = light.intensity;
     return true;
   }
-  const vec3 towards = punctual.position - point;
+  vec3 towards = punctual.position - point;
+  if (light.radius > 0.0f) towards += light.radius * uniformSphere(u);
   const float distance2 = glm::dot(towards, towards);
   if (!(distance2 > 0.0f)) return false;
   out.distance = std::sqrt(distance2);
@@ -410,14 +436,22 @@ bool LightSet::samplePunctual(const Punctual& punctual, const vec3& point, Light
   return true;
 }
 
+/// Undoes the map's rotation about +y.
+vec3 LightSet::toMap(const vec3& d) const {
+  return vec3(mapCosine_ * d.x - mapSine_ * d.z, d.y, mapSine_ * d.x + mapCosine_ * d.z);
+}
+vec3 LightSet::fromMap(const vec3& d) const {
+  return vec3(mapCosine_ * d.x + mapSine_ * d.z, d.y, mapCosine_ * d.z - mapSine_ * d.x);
+}
+
 /// Direction of map coordinates: row 0 is +y; u = 0.5 + atan2(x, -z) / (2 pi), as environment()
 /// reads.
 vec3 LightSet::mapDirection(vec2 u, float& pdf) const {
   const auto width = static_cast<std::size_t>(environment_.map->width);
   const auto height = static_cast<std::size_t>(environment_.map->height);
   float v = 0.0f, w = 0.0f;
-  const std::size_t y = pick(mapRows_, u.x, v);
-  const double* row = &mapColumns_[y * (width + 1)];
+  const std::size_t y = pick(map_->rows, u.x, v);
+  const double* row = &map_->columns[y * (width + 1)];
   const double target = static_cast<double>(u.y) * row[width];
   const double* at = std::upper_bound(row + 1, row + width, target);
   const auto x = static_cast<std::size_t>(at - row) - 1;
@@ -426,10 +460,10 @@ vec3 LightSet::mapDirection(vec2 u, float& pdf) const {
   const float theta = kPi * (static_cast<float>(y) + v) / static_cast<float>(height);
   const float phi = 2.0f * kPi * ((static_cast<float>(x) + w) / static_cast<float>(width) - 0.5f);
   const float sine = std::sin(theta);
-  const double chance = (row[x + 1] - row[x]) / mapRows_.back();
+  const double chance = (row[x + 1] - row[x]) / map_->rows.back();
   pdf = static_cast<float>(chance * static_cast<double>(width * height) /
                            (2.0 * std::numbers::pi * std::numbers::pi * std::max(sine, 1e-6f)));
-  return vec3(sine * std::sin(phi), std::cos(theta), -sine * std::cos(phi));
+  return fromMap(vec3(sine * std::sin(phi), std::cos(theta), -sine * std::cos(phi)));
 }
 
 bool LightSet::sampleMap(vec2 u, LightSample& out) const {
@@ -458,7 +492,8 @@ float LightSet::pdfEnvironment(const vec3& point, const vec3& direction) const {
 }
 
 /// Density per solid angle of sampleMap().
-float LightSet::mapDensity(const vec3& direction) const {
+float LightSet::mapDensity(const vec3& worldDirection) const {
+  const vec3 direction = toMap(worldDirection);
   const auto width = static_cast<std::size_t>(environment_.map->width);
   const auto height = static_cast<std::size_t>(environment_.map->height);
   const float sine = std::hypot(direction.x, direction.z);
@@ -468,15 +503,16 @@ float LightSet::mapDensity(const vec3& direction) const {
     return std::min(static_cast<std::size_t>(std::max(x, 0.0f) * static_cast<float>(n)), n - 1);
   };
   const std::size_t y = cell(theta * kInvPi, height), x = cell(0.5f + phi * 0.5f * kInvPi, width);
-  const double* row = &mapColumns_[y * (width + 1)];
-  const double chance = (row[x + 1] - row[x]) / mapRows_.back();
+  const double* row = &map_->columns[y * (width + 1)];
+  const double chance = (row[x + 1] - row[x]) / map_->rows.back();
   return static_cast<float>(
       chance * static_cast<double>(width * height) /
       (2.0 * std::numbers::pi * std::numbers::pi * std::max(static_cast<double>(sine), 1e-6)));
 }
 
-vec3 LightSet::environment(const vec3& direction) const {
+vec3 LightSet::environment(const vec3& worldDirection) const {
   if (!environment_.map) return environment_.color;
+  const vec3 direction = toMap(worldDirection);
   const float theta = std::atan2(std::hypot(direction.x, direction.z), direction.y);
   const float phi = std::atan2(direction.x, -direction.z);
   Texture lookUp;
@@ -539,6 +575,7 @@ bool LightSet::emit(Sampler& sampler, EmittedPhoton& out,
     emitPunctual(punctual_[entry.index], sampler, out);
   }
   out.power *= static_cast<float>(totalPower_ / entry.power);
+  if (entry.kind == Kind::kLuminaire && !visibility_.keeps(out.origin)) return false;
   return isFinite(out.power) && maxComponent(out.power) > 0.0f;
 }
 
@@ -571,6 +608,7 @@ void LightSet::emitPunctual(const Punctual& punctual, Sampler& sampler, EmittedP
   const Light& light = punctual.light;
   out.origin = punctual.position;
   const vec2 u = sampler.next2D();
+  if (light.radius > 0.0f) out.origin += light.radius * uniformSphere(sampler.next2D());
   if (light.type == Light::Type::kSpot) {
     const float cosine = 1.0f - u.x * (1.0f - std::cos(light.outerConeAngle));
     const float sine = std::sqrt(std::max(0.0f, 1.0f - cosine * cosine)), phi = 2.0f * kPi * u.y;
@@ -620,7 +658,8 @@ vec2 LightSet::diskPlace(const vec3& towards, const vec3& point) const {
 }
 
 /// Inverse of mapDirection().
-vec2 LightSet::mapPlace(const vec3& direction) const {
+vec2 LightSet::mapPlace(const vec3& worldDirection) const {
+  const vec3 direction = toMap(worldDirection);
   const auto width = static_cast<std::size_t>(environment_.map->width);
   const auto height = static_cast<std::size_t>(environment_.map->height);
   const auto place = [](const double* sums, std::size_t n, double x) {
@@ -635,7 +674,8 @@ vec2 LightSet::mapPlace(const vec3& direction) const {
   const double x = static_cast<double>(0.5f + phi * 0.5f * kInvPi);
   const std::size_t row =
       std::min(static_cast<std::size_t>(y * static_cast<double>(height)), height - 1);
-  return vec2(place(mapRows_.data(), height, y), place(&mapColumns_[row * (width + 1)], width, x));
+  return vec2(place(map_->rows.data(), height, y),
+              place(&map_->columns[row * (width + 1)], width, x));
 }
 
 void LightSet::hint(const ImportanceMap& importance, const RayScene& rays,

@@ -8,6 +8,7 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <unordered_map>
 #include <vector>
@@ -15,6 +16,7 @@
 #include "src/core/maths.h"
 #include "src/core/sampler.h"
 #include "src/crays/photon_guide.h"
+#include "src/crays/visibility.h"
 #include "src/scene/scene.h"
 
 namespace trex {
@@ -44,11 +46,18 @@ struct EmittedPhoton {
   float density = 1.0f;
 };
 
+/// Cumulative luminance times sin(theta) of a map: what its directions are sampled by.
+struct MapTables {
+  std::vector<double> rows, columns;
+  double power = 0.0;  ///< integral of its luminance over the sphere
+};
+
 class LightSet {
  public:
   /// `renderOrigin` and `bounds` as in RayScene. Triangles of emissive materials of all instances
-  /// are listed; a textured emission counts with its mean.
-  LightSet(const Scene& scene, const dvec3& renderOrigin, const Box3f& bounds);
+  /// are listed; a textured emission counts with its mean. What `visibility` hides does not shine.
+  LightSet(const Scene& scene, const dvec3& renderOrigin, const Box3f& bounds,
+           const Visibility& visibility = {});
 
   /// True if next event estimation has anything to sample.
   bool empty() const { return lights_.empty(); }
@@ -112,7 +121,8 @@ class LightSet {
   void addLuminaire(const Scene& scene, const Instance& instance, const dvec3& renderOrigin);
   void addPunctual(const Scene& scene, const dvec3& renderOrigin);
   void addEnvironment(const Scene& scene);
-  void buildMapTables();
+  vec3 toMap(const vec3& direction) const;
+  vec3 fromMap(const vec3& direction) const;
   float weigh(const Entry& entry, const vec3& point) const;
   std::size_t choose(const vec3& point, float& u, float& chance) const;
   float chanceOf(std::size_t light, const vec3& point) const;
@@ -121,7 +131,7 @@ class LightSet {
   static std::size_t pick(const std::vector<double>& cumulative, float u, float& remapped);
   bool sampleLuminaire(const Luminaire& luminaire, const vec3& point, vec2 u,
                        LightSample& out) const;
-  bool samplePunctual(const Punctual& punctual, const vec3& point, LightSample& out) const;
+  bool samplePunctual(const Punctual& punctual, const vec3& point, vec2 u, LightSample& out) const;
   bool sampleMap(vec2 u, LightSample& out) const;
   vec3 mapDirection(vec2 u, float& pdf) const;
   void emitLuminaire(const Luminaire& luminaire, Sampler& sampler, EmittedPhoton& out) const;
@@ -147,8 +157,10 @@ class LightSet {
   std::vector<vec3> materialRadiance_;  ///< mean emission by material
   std::vector<bool> materialTwoSided_;
   Environment environment_;
-  std::vector<double> mapRows_, mapColumns_;  ///< cumulative luminance * sin(theta)
+  std::shared_ptr<const MapTables> map_;  ///< null if there is no map
   double mapPower_ = 0.0;
+  float mapSine_ = 0.0f, mapCosine_ = 1.0f;  ///< of its rotation
+  Visibility visibility_;
   vec3 centre_{0.0f};
   float radius_ = 1.0f;  ///< of the sphere around the scene
   double totalPower_ = 0.0;

@@ -42,11 +42,22 @@ struct TraceContext {
   float far;  // Embree's tfar that `prepared` knows of
   hccm::PreparedRay prepared;
   RayHit best;
+  const std::uint8_t* hidden;  // by object; null if every object is seen
+  const Placement* placements;
 
-  TraceContext() {
+  TraceContext(const Visibility& visibility, const std::vector<Placement>& placed)
+      : hidden(visibility.hidden.empty() ? nullptr : visibility.hidden.data()),
+        placements(placed.data()) {
     rtcInitIntersectContext(&embree);
     best.instance = RayScene::kWorldMesh;
     best.cluster = best.triangle = hccm::Hit::kNothing;
+  }
+  bool hides(const hccm::Mesh& mesh, std::uint32_t cluster) const {
+    if (hidden == nullptr) return false;
+    const std::uint32_t instance = embree.instID[0];
+    return hidden[instance == RayScene::kWorldMesh
+                      ? mesh.clusterObject(cluster)
+                      : static_cast<std::uint32_t>(placements[instance].object)] != 0;
   }
   void prepare(const hccm::Mesh& mesh, const RTCRay& ray) {
     const std::uint32_t instance = embree.instID[0];
@@ -76,6 +87,7 @@ void intersectCallback(const RTCIntersectFunctionNArguments* args) {
   if (args->N != 1 || args->valid[0] == 0) return;
   const auto& mesh = *static_cast<const hccm::Mesh*>(args->geometryUserPtr);
   auto& context = *reinterpret_cast<TraceContext*>(args->context);
+  if (context.hides(mesh, args->primID)) return;
   auto& rayHit = *reinterpret_cast<RTCRayHit*>(args->rayhit);
   context.prepare(mesh, rayHit.ray);
   const std::uint32_t instance = args->context->instID[0];
@@ -99,6 +111,7 @@ void occludedCallback(const RTCOccludedFunctionNArguments* args) {
   if (args->N != 1 || args->valid[0] == 0) return;
   const auto& mesh = *static_cast<const hccm::Mesh*>(args->geometryUserPtr);
   auto& context = *reinterpret_cast<TraceContext*>(args->context);
+  if (context.hides(mesh, args->primID)) return;
   auto& ray = *reinterpret_cast<RTCRay*>(args->ray);
   context.prepare(mesh, ray);
   if (mesh.occluded(args->primID, context.prepared)) ray.tfar = -kInfinity;
@@ -190,6 +203,7 @@ struct RayScene::Impl {
   Box3f bounds;
   Approach approach;
   Statistics statistics;
+  Visibility visibility;
 
   void build(const Scene& scene);
 
@@ -287,10 +301,11 @@ RayScene::~RayScene() = default;
 
 bool RayScene::intersect(const vec3& origin, const vec3& direction, float tnear, float tfar,
                          RayHit& hit) const {
-  TraceContext context;
+  TraceContext context(impl_->visibility, impl_->placements);
   RTCRayHit rayHit;
   vec3 start = origin;
   double shift;
+  if (!impl_->visibility.clip(origin, direction, tnear, tfar)) return false;
   if (!impl_->approach.bring(start, direction, shift)) return false;
   setRay(rayHit.ray, start, direction, tnear, tfar, shift);
   rayHit.hit.geomID = rayHit.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
@@ -302,10 +317,11 @@ bool RayScene::intersect(const vec3& origin, const vec3& direction, float tnear,
 }
 
 bool RayScene::occluded(const vec3& origin, const vec3& direction, float tnear, float tfar) const {
-  TraceContext context;
+  TraceContext context(impl_->visibility, impl_->placements);
   RTCRay ray;
   vec3 start = origin;
   double shift;
+  if (!impl_->visibility.clip(origin, direction, tnear, tfar)) return false;
   if (!impl_->approach.bring(start, direction, shift)) return false;
   setRay(ray, start, direction, tnear, tfar, shift);
   if (!(ray.tfar >= 0.0f)) return false;
@@ -326,5 +342,7 @@ dvec3 RayScene::renderOrigin() const { return impl_->parts.renderOrigin; }
 Box3f RayScene::bounds() const { return impl_->bounds; }
 RayScene::Statistics RayScene::statistics() const { return impl_->statistics; }
 const RayScene::Parts& RayScene::parts() const { return impl_->parts; }
+void RayScene::setVisibility(const Visibility& visibility) { impl_->visibility = visibility; }
+const Visibility& RayScene::visibility() const { return impl_->visibility; }
 
 }  // namespace trex

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "hccmesh/hccmesh.h"
+#include "src/crays/visibility.h"
 #include "src/scene/scene.h"
 
 namespace trex {
@@ -94,6 +95,10 @@ class RayScene {
   Box3f bounds() const;  ///< render space
   Statistics statistics() const;
   const Parts& parts() const;
+
+  /// What rays see from now on. Not to be called while rays are traced. bounds() stays that of all.
+  void setVisibility(const Visibility& visibility);
+  const Visibility& visibility() const;
 
  private:
   struct Impl;

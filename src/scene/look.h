@@ -13,18 +13,18 @@ namespace trex {
 
 /// Everything on the side that `normal` points to is cut away, for every ray.
 struct SectionPlane {
-  dvec3 point{0.0};              ///< world, metres
+  dvec3 point{0.0};               ///< world, metres
   vec3 normal{1.0f, 0.0f, 0.0f};  ///< unit
   bool operator==(const SectionPlane&) const = default;
 };
 
 struct Look {
   Camera camera;
-  float exposure = 0.0f;               ///< stops, of the screen alone
-  std::vector<Material> materials;     ///< as many as the scene has; textures can't change
-  std::vector<Light> lights;           ///< of the scene and added ones
+  float exposure = 0.0f;            ///< stops, of the screen alone
+  std::vector<Material> materials;  ///< as many as the scene has; textures can't change
+  std::vector<Light> lights;        ///< of the scene and added ones
   Environment environment;
-  std::vector<std::uint32_t> hidden;   ///< objects that no ray sees; ascending, each once
+  std::vector<std::uint32_t> hidden;  ///< objects that no ray sees; ascending, each once
   std::optional<SectionPlane> section;
   bool operator==(const Look&) const;
 };
@@ -44,11 +44,11 @@ LookChanges compareLooks(const Look& before, const Look& after);
 
 /// What each class of change makes invalid. Camera moves keep photons and voxels.
 struct Invalidation {
-  bool frame = false;       ///< samples of the picture
-  bool lights = false;      ///< the set of lights
-  bool flux = false;        ///< photons
-  bool voxelValues = false; ///< albedo and emission of voxels
-  bool voxelShape = false;  ///< which voxels there are
+  bool frame = false;        ///< samples of the picture
+  bool lights = false;       ///< the set of lights
+  bool flux = false;         ///< photons
+  bool voxelValues = false;  ///< albedo and emission of voxels
+  bool voxelShape = false;   ///< which voxels there are
 };
 Invalidation invalidatedBy(const Look& before, const Look& after);
 

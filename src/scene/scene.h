@@ -119,7 +119,7 @@ struct Camera {
 struct Environment {
   vec3 color{0.0f};  ///< of a constant sky; the factor of a map
   std::shared_ptr<const Image>
-      map;  ///< latitude-longitude, +y up, three float channels; may be null
+      map;                ///< latitude-longitude, +y up, three float channels; may be null
   float rotation = 0.0f;  ///< radians about +y, of the map; counter-clockwise from above
   bool present() const { return map != nullptr || color.x > 0 || color.y > 0 || color.z > 0; }
   bool operator==(const Environment&) const = default;

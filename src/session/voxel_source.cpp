@@ -3,16 +3,11 @@
 #include <algorithm>
 
 #include "src/core/error.h"
+#include "src/scene/look.h"
 #include "src/scene/texture.h"
 
 namespace trex {
 namespace {
-
-bool passesLight(const Material& m) {
-  const bool clear = m.transmission * (1.0f - m.metallic) > 0.5f && m.roughness < 0.2f;
-  const bool faint = m.alphaMode == AlphaMode::kBlend && m.baseColor.w < 0.5f;
-  return clear || faint;
-}
 
 vec3 textured(const Scene& scene, const Texture& texture, vec2 uv) {
   if (!texture.present()) return vec3(1.0f);

@@ -37,7 +37,7 @@ class LookHistory {
   Look current_;
   std::vector<Step> steps_;  ///< steps_[at_] is the last committed look
   std::size_t at_ = 0;
-  bool pending_ = false;     ///< current_ differs from steps_[at_]
+  bool pending_ = false;  ///< current_ differs from steps_[at_]
   Look saved_;
 };
 

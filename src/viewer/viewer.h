@@ -3,7 +3,8 @@
 // feeds it input; tests and the replay drive it without a window.
 //
 //   open ──► import, meshes ─► first coarse frame ─► voxels ─► photons ─► refined for as long as
-//            (background)                            (background)         there is something to gain
+//            (background)                            (background)         there is something to
+//            gain
 //
 // THREADS. Every call is made by one thread; work in the background is taken over in step().
 #pragma once
@@ -26,14 +27,14 @@
 namespace trex {
 
 struct ViewerOptions {
-  std::filesystem::path input;       ///< may be empty: nothing is open
-  std::filesystem::path edits;       ///< overlay to start from; may be empty
-  std::string environment;           ///< as --env; empty: the file's
-  std::string camera;                ///< as --camera; empty: the first one
-  RenderSettings settings;           ///< samples: where refining ends
-  double budgetSeconds = 0.033;      ///< of a step
+  std::filesystem::path input;   ///< may be empty: nothing is open
+  std::filesystem::path edits;   ///< overlay to start from; may be empty
+  std::string environment;       ///< as --env; empty: the file's
+  std::string camera;            ///< as --camera; empty: the first one
+  RenderSettings settings;       ///< samples: where refining ends
+  double budgetSeconds = 0.033;  ///< of a step
   bool useStale = false;
-  bool recovery = true;              ///< keep unsaved edits in a recovery file
+  bool recovery = true;  ///< keep unsaved edits in a recovery file
 };
 
 /// What the screen shows.
@@ -54,12 +55,12 @@ const std::vector<std::string>& viewModeNames();
 /// Things of the screen alone: they change no sample and are not part of a look.
 struct ViewState {
   ViewMode mode = ViewMode::kBeauty;
-  int voxelLevel = 6;         ///< [0, depth of the tree]
-  bool split = false;         ///< right of splitAt: the exact mode
-  float splitAt = 0.5f;       ///< share of the width
+  int voxelLevel = 6;          ///< [0, depth of the tree]
+  bool split = false;          ///< right of splitAt: the exact mode
+  float splitAt = 0.5f;        ///< share of the width
   int selectedObject = kNone;  ///< highlighted
   bool paused = false;
-  vec2 pointer{0.5f, 0.5f};   ///< share of width and height: tiles near it come first
+  vec2 pointer{0.5f, 0.5f};  ///< share of width and height: tiles near it come first
 };
 
 /// What lies under a pixel.
@@ -75,7 +76,7 @@ enum class OpenPhase : std::uint8_t {
   kImporting,  ///< nothing to show yet
   kVoxels,     ///< shown by exact paths while voxels are made
   kReady,
-  kFailed,     ///< message() says why
+  kFailed,  ///< message() says why
 };
 
 /// What one step did.
@@ -98,12 +99,12 @@ struct ScreenImage {
 struct ViewerFigures {
   SessionReport session;
   double cRaysPerSecond = 0.0, gRaysPerSecond = 0.0, samplesPerSecond = 0.0;
-  double exactShare = 0.0;            ///< of the samples so far, traced exactly
-  double samplesPerPixel = 0.0;       ///< mean
-  double noise = -1.0;                ///< estimated relMSE of the noise; negative: not known yet
-  double bias = -1.0;                 ///< estimated relMSE of the guess's bias
-  double truthDistance = -1.0;        ///< noise + bias: how far from the truth
-  double splitError = -1.0;           ///< relMSE between both halves' modes, noise removed
+  double exactShare = 0.0;       ///< of the samples so far, traced exactly
+  double samplesPerPixel = 0.0;  ///< mean
+  double noise = -1.0;           ///< estimated relMSE of the noise; negative: not known yet
+  double bias = -1.0;            ///< estimated relMSE of the guess's bias
+  double truthDistance = -1.0;   ///< noise + bias: how far from the truth
+  double splitError = -1.0;      ///< relMSE between both halves' modes, noise removed
   std::uint64_t meshBytes = 0, voxelBytes = 0, residentBytes = 0, deviceBytes = 0;
   std::string device;
   int voxelDepth = 0;
@@ -133,7 +134,7 @@ class Viewer {
   ViewState& state();  ///< change it freely; the next step() sees it
 
   // Only once something is imported (phase kVoxels or kReady).
-  const Scene& scene() const;   ///< names, cameras, counts; materials and lights are the look's
+  const Scene& scene() const;  ///< names, cameras, counts; materials and lights are the look's
   const Look& look() const;
   const Look& sourceLook() const;  ///< as the file has it
   /// Shows another look. `commit` ends one step of undo; without it (while a slider moves) the
@@ -142,7 +143,7 @@ class Viewer {
   LookHistory& history();
   void undo();
   void redo();
-  Box3d bounds() const;         ///< world
+  Box3d bounds() const;                              ///< world
   std::optional<Pick> pick(float x, float y) const;  ///< pixels from the upper left
   /// World to pixels; false behind the camera.
   bool project(const dvec3& world, vec2& pixel) const;

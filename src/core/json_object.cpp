@@ -1,18 +1,18 @@
-#include "src/bundle/json_object.h"
+#include "src/core/json_object.h"
 
 #include <algorithm>
 #include <cmath>
 
-namespace trex::bundle {
+namespace trex {
 
 using nlohmann::json;
 
-JsonObject::JsonObject(const json& value, const std::string& file, std::string pointer)
-    : value_(value), file_(file), pointer_(std::move(pointer)) {
+JsonObject::JsonObject(const json& value, const JsonDocument& document, std::string pointer)
+    : value_(value), document_(document), pointer_(std::move(pointer)) {
   if (!value.is_object()) bad("", "is not an object");
 }
 
-void JsonObject::allow(std::initializer_list<const char*> keys) const {
+void JsonObject::allow(std::span<const char* const> keys) const {
   for (const auto& [key, unused] : value_.items()) {
     if (std::find(keys.begin(), keys.end(), key) == keys.end()) {
       bad(key.substr(0, 80).c_str(), "unknown key");
@@ -27,7 +27,7 @@ const json& JsonObject::at(const char* key) const {
 }
 
 JsonObject JsonObject::object(const char* key) const {
-  return {at(key), file_, pointer_ + "/" + key};
+  return {at(key), document_, pointer_ + "/" + key};
 }
 
 const json& JsonObject::array(const char* key) const {
@@ -37,7 +37,7 @@ const json& JsonObject::array(const char* key) const {
 }
 
 JsonObject JsonObject::element(const char* key, std::size_t i) const {
-  return {array(key)[i], file_, pointer_ + "/" + key + "/" + std::to_string(i)};
+  return {array(key)[i], document_, pointer_ + "/" + key + "/" + std::to_string(i)};
 }
 
 bool JsonObject::boolean(const char* key) const {
@@ -115,4 +115,4 @@ std::size_t JsonObject::oneOf(const char* key, std::initializer_list<const char*
   return static_cast<std::size_t>(found - words.begin());
 }
 
-}  // namespace trex::bundle
+}  // namespace trex

@@ -5,20 +5,30 @@
 #include <initializer_list>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <string>
 
 #include "src/core/error.h"
 
-namespace trex::bundle {
+namespace trex {
+
+/// A document as messages name it: "look.json" or "X.trex: scene.json", and what a reader can do
+/// about a bad one ("; bake again"), or nothing.
+struct JsonDocument {
+  std::string name, advice;
+};
 
 /// An object of a JSON document. All calls throw Error(kInput).
 class JsonObject {
  public:
-  /// `file` and `pointer` are for messages; `value` and `file` must outlive this.
-  JsonObject(const nlohmann::json& value, const std::string& file, std::string pointer);
+  /// `document` and `pointer` are for messages; `value` and `document` must outlive this.
+  JsonObject(const nlohmann::json& value, const JsonDocument& document, std::string pointer);
 
   /// Throws for a key that is not in the list.
-  void allow(std::initializer_list<const char*> keys) const;
+  void allow(std::span<const char* const> keys) const;
+  void allow(std::initializer_list<const char*> keys) const {
+    allow(std::span<const char* const>(keys.begin(), keys.size()));
+  }
   bool has(const char* key) const { return value_.contains(key); }
   JsonObject object(const char* key) const;
   const nlohmann::json& array(const char* key) const;
@@ -46,8 +56,8 @@ class JsonObject {
 
   template <typename... Args>
   [[noreturn]] void bad(const char* key, fmt::format_string<Args...> format, Args&&... args) const {
-    fail(ExitCode::kInput, "{}: scene.json, {}{}{}: {}; bake again", file_, pointer_,
-         *key ? "/" : "", key, fmt::format(format, std::forward<Args>(args)...));
+    fail(ExitCode::kInput, "{}, {}{}{}: {}{}", document_.name, pointer_, *key ? "/" : "", key,
+         fmt::format(format, std::forward<Args>(args)...), document_.advice);
   }
 
  private:
@@ -55,8 +65,8 @@ class JsonObject {
   double numberOf(const nlohmann::json& value, const char* key, double low, double high) const;
 
   const nlohmann::json& value_;
-  const std::string& file_;
+  const JsonDocument& document_;
   std::string pointer_;
 };
 
-}  // namespace trex::bundle
+}  // namespace trex
