@@ -182,7 +182,9 @@ Model openBundle(const fs::path& path, const OpenOptions& options) {
   const double start = now();
   model.rays = std::make_unique<RayScene>(model.scene, std::move(contents.parts));
   model.meshSeconds = now() - start;
-  model.voxels = std::move(contents.voxels);
+  if (contents.voxels) {
+    model.voxels = std::make_shared<const asvo::Tree>(std::move(*contents.voxels));
+  }
   return model;
 }
 

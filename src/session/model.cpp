@@ -17,6 +17,10 @@ void release(std::vector<T>& array) {
   std::vector<T>().swap(array);  // assigning {} would keep the memory
 }
 
+}  // namespace
+
+int voxelDepthFor(std::uint64_t pixels) { return pixels >= 40'000 ? 8 : pixels >= 10'000 ? 7 : 6; }
+
 void freeSourceArrays(Scene& scene) {
   for (Mesh& mesh : scene.meshes) {
     release(mesh.normals);
@@ -28,25 +32,34 @@ void freeSourceArrays(Scene& scene) {
   }
 }
 
-}  // namespace
-
-int voxelDepthFor(std::uint64_t pixels) { return pixels >= 40'000 ? 8 : pixels >= 10'000 ? 7 : 6; }
-
-Model makeModel(Scene scene, const ModelOptions& options) {
+Model makeMeshes(Scene scene, const ModelOptions& options) {
   Model model;
   model.scene = std::move(scene);
-  double mark = now();
+  const double mark = now();
   RayScene::Options meshOptions;
   meshOptions.precisionBits = options.precisionBits;
   model.rays = std::make_unique<RayScene>(model.scene, meshOptions);
   model.meshSeconds = now() - mark;
-  mark = now();
-  if (options.voxels && hasLight(model.scene)) {
-    asvo::BuildOptions build;
-    build.depth = options.voxelDepth;
-    build.maxBytes = options.voxelBytes;
-    const VoxelSource source(model.scene, model.rays->renderOrigin());
-    model.voxels = asvo::Tree::build(source, build);
+  return model;
+}
+
+std::shared_ptr<const asvo::Tree> makeVoxels(const Scene& scene,
+                                             const std::vector<Material>& materials,
+                                             const dvec3& renderOrigin,
+                                             const ModelOptions& options) {
+  asvo::BuildOptions build;
+  build.depth = options.voxelDepth;
+  build.maxBytes = options.voxelBytes;
+  const VoxelSource source(scene, materials, renderOrigin);
+  return std::make_shared<const asvo::Tree>(asvo::Tree::build(source, build));
+}
+
+Model makeModel(Scene scene, const ModelOptions& options) {
+  Model model = makeMeshes(std::move(scene), options);
+  const double mark = now();
+  if (options.voxels && (options.voxelsInTheDark || hasLight(model.scene))) {
+    model.voxels =
+        makeVoxels(model.scene, model.scene.materials, model.rays->renderOrigin(), options);
   }
   model.voxelSeconds = now() - mark;
   freeSourceArrays(model.scene);

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <memory>
-#include <optional>
 
 #include "asvo/asvo.h"
 #include "src/crays/ray_scene.h"
@@ -16,12 +15,13 @@ struct Model {
   /// compressed meshes, and the source's arrays would only cost.
   Scene scene;
   std::unique_ptr<RayScene> rays;
-  std::optional<asvo::Tree> voxels;  ///< not there where every sample is exact
+  std::shared_ptr<const asvo::Tree> voxels;  ///< null where every sample is exact
   double meshSeconds = 0.0, voxelSeconds = 0.0;
 };
 
 struct ModelOptions {
   bool voxels = true;            ///< build them if anything shines
+  bool voxelsInTheDark = false;  ///< build them even if nothing does: edits may bring light
   int voxelDepth = 8;            ///< levels below the root
   std::uint64_t voxelBytes = 0;  ///< limit of their arrays with light; 0: none
   int precisionBits = 24;        ///< grid cells along a mesh's largest extent: 2^bits, 8..24
@@ -29,6 +29,17 @@ struct ModelOptions {
 
 /// Builds what the scene and the options require. Throws Error. Uses the calling oneTBB arena.
 Model makeModel(Scene scene, const ModelOptions& options);
+
+/// The two parts of makeModel(), for those who show the meshes while the voxels are built. The
+/// second reads the arrays of `scene`'s meshes, its instances and images, and nothing else that may
+/// change meanwhile: materials are those given here.
+Model makeMeshes(Scene scene, const ModelOptions& options);
+std::shared_ptr<const asvo::Tree> makeVoxels(const Scene& scene,
+                                             const std::vector<Material>& materials,
+                                             const dvec3& renderOrigin,
+                                             const ModelOptions& options);
+/// Frees what only building needs of a scene's meshes.
+void freeSourceArrays(Scene& scene);
 
 /// Leaves are no finer than the picture can show: 256 along the cube from 200 x 200 pixels on.
 int voxelDepthFor(std::uint64_t pixels);

@@ -9,19 +9,44 @@
 namespace trex {
 namespace {
 
-vec3 textured(const Scene& scene, const Texture& texture, vec2 uv) {
+vec3 textured(const std::vector<Image>& images, const Texture& texture, vec2 uv) {
   if (!texture.present()) return vec3(1.0f);
-  return vec3(
-      sampleTexture(scene.images[static_cast<std::size_t>(texture.image)], texture, uv, true));
+  return vec3(sampleTexture(images[static_cast<std::size_t>(texture.image)], texture, uv, true));
 }
 
 }  // namespace
 
-VoxelSource::VoxelSource(const Scene& scene, const dvec3& renderOrigin) : scene_(scene) {
+vec3 voxelAlbedo(const Material& m, const vec3& baseColor) {
+  if (m.unlit) return vec3(0.0f);
+  // The broad part of the specular lobe counts as diffuse.
+  const float f0 = (m.ior - 1.0f) * (m.ior - 1.0f) / ((m.ior + 1.0f) * (m.ior + 1.0f));
+  const vec3 gloss = m.specular * (f0 * m.specularColor + (1.0f - f0) / 21.0f);
+  const vec3 diffuse = baseColor * (1.0f - m.transmission);
+  return glm::min((diffuse * (vec3(1.0f) - gloss) + gloss) * (1.0f - m.metallic), vec3(1.0f));
+}
+
+vec3 meanColor(const std::vector<Image>& images, const Texture& texture) {
+  if (!texture.present()) return vec3(1.0f);
+  return vec3(textureMean(images[static_cast<std::size_t>(texture.image)], true));
+}
+
+asvo::Shade voxelShade(const Material& m, const std::vector<Image>& images, vec2 uv,
+                       const vec3& vertexColor) {
+  asvo::Shade out;
+  out.albedo =
+      voxelAlbedo(m, vec3(m.baseColor) * vertexColor * textured(images, m.baseColorTexture, uv));
+  out.emission = m.emission * textured(images, m.emissiveTexture, uv);
+  out.emitsBack = m.doubleSided;
+  return out;
+}
+
+VoxelSource::VoxelSource(const Scene& scene, std::vector<Material> materials,
+                         const dvec3& renderOrigin)
+    : scene_(scene), materials_(std::move(materials)) {
   firsts_.push_back(0);
   for (const Instance& instance : scene.instances) {
     const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
-    if (passesLight(scene.materials[static_cast<std::size_t>(mesh.material)])) continue;
+    if (passesLight(materials_[static_cast<std::size_t>(mesh.material)])) continue;
     dmat4 toRender = instance.transform;
     const dvec3 origin(instance.transform * glm::dvec4(mesh.origin, 1.0));
     toRender[3] = glm::dvec4(origin - renderOrigin, 1.0);
@@ -49,7 +74,7 @@ void VoxelSource::get(std::uint64_t i, asvo::Triangle& triangle) const {
 }
 
 asvo::Shade VoxelSource::shade(const asvo::Triangle& triangle, float u, float v) const {
-  const Material& m = scene_.materials[triangle.material];
+  const Material& m = materials_[triangle.material];
   const auto after = std::upper_bound(firsts_.begin() + 1, firsts_.end() - 1, triangle.shadeKey);
   const auto which = static_cast<std::size_t>(after - firsts_.begin()) - 1;
   const Placed& placed = placed_[which];
@@ -59,34 +84,20 @@ asvo::Shade VoxelSource::shade(const asvo::Triangle& triangle, float u, float v)
     return (1.0f - u - v) * values(t.x) + u * values(t.y) + v * values(t.z);
   };
   vec2 uv(0.0f);
-  vec3 color(m.baseColor);
+  vec3 color(1.0f);
   if (!placed.mesh->texCoords.empty()) {
     uv = mix([&](std::uint32_t k) { return placed.mesh->texCoords[k]; });
   }
   if (!placed.mesh->colors.empty()) {
-    color *= mix([&](std::uint32_t k) { return vec3(placed.mesh->colors[k]) / 255.0f; });
+    color = mix([&](std::uint32_t k) { return vec3(placed.mesh->colors[k]) / 255.0f; });
   }
-  color *= textured(scene_, m.baseColorTexture, uv);
-  // The broad part of the specular lobe counts as diffuse, as Bsdf::cachedAlbedo() does.
-  const float f0 = (m.ior - 1.0f) * (m.ior - 1.0f) / ((m.ior + 1.0f) * (m.ior + 1.0f));
-  const vec3 gloss = m.specular * (f0 * m.specularColor + (1.0f - f0) / 21.0f);
-  const vec3 diffuse = color * (1.0f - m.transmission);
-  asvo::Shade out;
-  out.albedo = glm::min((diffuse * (vec3(1.0f) - gloss) + gloss) * (1.0f - m.metallic), vec3(1.0f));
-  if (m.unlit) out.albedo = vec3(0.0f);
-  out.emission = m.emission * textured(scene_, m.emissiveTexture, uv);
-  out.emitsBack = m.doubleSided;
-  return out;
+  return voxelShade(m, scene_.images, uv, color);
 }
 
 std::vector<shaderio::PhotonMaterial> photonMaterials(const Scene& scene) {
   std::vector<shaderio::PhotonMaterial> out;
   for (const Material& m : scene.materials) {
-    vec3 color(m.baseColor);
-    if (m.baseColorTexture.present()) {
-      color *=
-          vec3(textureMean(scene.images[static_cast<std::size_t>(m.baseColorTexture.image)], true));
-    }
+    const vec3 color = vec3(m.baseColor) * meanColor(scene.images, m.baseColorTexture);
     const glm::uvec3 bytes(glm::clamp(color, 0.0f, 1.0f) * 255.0f + 0.5f);
     out.push_back({m.unlit ? 0.0f : m.metallic, m.roughness,
                    bytes.x | (bytes.y << 8) | (bytes.z << 16) | 0xff000000u, 0u});

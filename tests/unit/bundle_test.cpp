@@ -38,7 +38,9 @@ Model modelOf(BundleContents contents) {
   Model model;
   model.scene = std::move(contents.description.scene);
   model.rays = std::make_unique<RayScene>(model.scene, std::move(contents.parts));
-  model.voxels = std::move(contents.voxels);
+  if (contents.voxels) {
+    model.voxels = std::make_shared<const asvo::Tree>(std::move(*contents.voxels));
+  }
   return model;
 }
 

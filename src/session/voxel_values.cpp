@@ -1,0 +1,104 @@
+#include "src/session/voxel_values.h"
+
+#include <algorithm>
+
+#include "asvo/tracer.h"
+#include "src/session/voxel_source.h"
+
+namespace trex {
+namespace {
+
+vec3 unpackColor(std::uint32_t bits) {
+  return vec3(static_cast<float>(bits & 255u), static_cast<float>((bits >> 8) & 255u),
+              static_cast<float>((bits >> 16) & 255u)) /
+         255.0f;
+}
+
+std::uint32_t packColor(const vec3& color) {
+  const glm::uvec3 q(glm::clamp(color, 0.0f, 1.0f) * 255.0f + 0.5f);
+  return q.x | (q.y << 8) | (q.z << 16);
+}
+
+/// What a voxel's albedo becomes: its albedo under the old material tells the texture and vertex
+/// colour there, which the new material then multiplies.
+vec3 movedAlbedo(const vec3& albedo, const Material& before, const Material& now,
+                 const vec3& meanTexture) {
+  const vec3 dark = voxelAlbedo(before, vec3(0.0f));
+  const vec3 white = voxelAlbedo(before, vec3(1.0f)) - dark;
+  vec3 tint;
+  for (int c = 0; c < 3; ++c) {
+    const float slope = white[c] * before.baseColor[c];
+    const bool known = slope > 0.02f;
+    tint[c] = known ? std::max(0.0f, (albedo[c] - dark[c]) / slope) : meanTexture[c];
+  }
+  return voxelAlbedo(now, vec3(now.baseColor) * tint);
+}
+
+vec3 movedEmission(const vec3& emission, const Material& before, const Material& now,
+                   const vec3& meanTexture) {
+  vec3 out;
+  for (int c = 0; c < 3; ++c) {
+    out[c] = before.emission[c] > 0.0f ? emission[c] * (now.emission[c] / before.emission[c])
+                                       : now.emission[c] * meanTexture[c];
+  }
+  return out;
+}
+
+}  // namespace
+
+VoxelValues::VoxelValues(std::shared_ptr<const asvo::Tree> tree, std::vector<Material> materials)
+    : source_(std::move(tree)), built_(std::move(materials)), shown_(built_) {}
+
+void VoxelValues::index() {
+  const std::size_t count = source_->nodes.size(), materials = built_.size();
+  const auto materialOf = [&](std::size_t i) {
+    return std::min<std::size_t>(source_->voxels[2 * i].y >> 16, materials - 1);
+  };
+  firsts_.assign(materials + 1, 0);
+  for (std::size_t i = 0; i < count; ++i) ++firsts_[materialOf(i) + 1];
+  for (std::size_t m = 0; m < materials; ++m) firsts_[m + 1] += firsts_[m];
+  order_.resize(count);
+  std::vector<std::uint32_t> next = firsts_;
+  for (std::size_t i = 0; i < count; ++i) {
+    order_[next[materialOf(i)]++] = static_cast<std::uint32_t>(i);
+  }
+}
+
+std::shared_ptr<const asvo::Tree> VoxelValues::with(const std::vector<Material>& materials,
+                                                    const std::vector<Image>& images) {
+  if (!edited_ && materials == built_) return source_;
+  if (!edited_) {
+    edited_ = std::make_shared<asvo::Tree>(*source_);
+    index();
+  }
+  for (std::uint32_t m = 0; m < materials.size(); ++m) {
+    if (materials[m] != shown_[m]) put(m, materials[m], images);
+  }
+  shown_ = materials;
+  return edited_;
+}
+
+void VoxelValues::put(std::uint32_t material, const Material& now,
+                      const std::vector<Image>& images) {
+  const asvo::Tracer tracer(*source_);
+  const Material& before = built_[material];
+  const vec3 texture = meanColor(images, before.baseColorTexture);
+  const vec3 glow = meanColor(images, before.emissiveTexture);
+  for (std::uint32_t k = firsts_[material]; k < firsts_[material + 1]; ++k) {
+    const std::size_t i = std::size_t{order_[k]} * 2;
+    asvo::uvec4 &surface = edited_->voxels[i], &light = edited_->voxels[i + 1];
+    surface = source_->voxels[i];
+    light = source_->voxels[i + 1];
+    if (now == before) continue;
+    const vec3 albedo = movedAlbedo(unpackColor(surface.z), before, now, texture);
+    surface.z = (surface.z & 0xff000000u) | packColor(albedo);
+    vec3 front = movedEmission(tracer.asvoUnpackRgb9e5(light.x), before, now, glow);
+    vec3 back = before.emits() ? movedEmission(tracer.asvoUnpackRgb9e5(light.y), before, now, glow)
+                               : vec3(0.0f);
+    if (now.doubleSided) front = back = glm::max(front, back);
+    light.x = tracer.asvoPackRgb9e5(front);
+    light.y = tracer.asvoPackRgb9e5(back);
+  }
+}
+
+}  // namespace trex
