@@ -47,9 +47,9 @@ class CpuTracer final : public GRayTracer {
   CpuTracer(const asvo::Tree& tree, std::span<const shaderio::PhotonMaterial> materials)
       : tree_(tree),
         materials_(materials.begin(), materials.end()),
-        light_(tree.nodes.size(), asvo::uvec4(0u)),
+        light_(tree.nodes.size()),
         grid_(tree.info.leafCount > 0 ? makeGrid(tree) : std::vector<std::uint32_t>()),
-        tracer_(tree, grid_, light_) {
+        tracer_(tree, grid_, light_.front()) {
     if (materials_.empty()) materials_.push_back({});
   }
 
@@ -85,12 +85,20 @@ class CpuTracer final : public GRayTracer {
   void resetFlux() override {
     direct_.assign(tree_.leaves.size() * kWordsPerLeaf / 2, 0);
     indirect_.assign(direct_.size(), 0);
+    light_.restart();
+  }
+
+  void refresh(std::span<const shaderio::PhotonMaterial> materials) override {
+    waitAll();
+    materials_.assign(materials.begin(), materials.end());
+    if (materials_.empty()) materials_.push_back({});
   }
 
   void tracePhotons(std::span<const shaderio::PhotonRecord> records, double unit) override {
     const auto start = Clock::now();
     unit_ = unit;
     if (direct_.empty()) resetFlux();
+    light_.restart();
     statistics_.photonRecords += records.size();
     if (tree_.info.leafCount == 0) {
       statistics_.lostDeposits += records.size();
@@ -117,15 +125,20 @@ class CpuTracer final : public GRayTracer {
     statistics_.photonSeconds += since(start);
   }
 
-  void resolveLight(std::uint64_t emittedPhotons) override {
+  using GRayTracer::resolveLight;
+  bool resolveLight(std::uint64_t emittedPhotons, const std::function<bool()>& keepGoing) override {
     waitAll();
-    if (tree_.info.leafCount == 0 || emittedPhotons == 0) return;
+    if (tree_.info.leafCount == 0 || emittedPhotons == 0) return true;
     if (direct_.empty()) resetFlux();
-    trex::resolveLight(tree_, words(direct_), words(indirect_),
-                       unit_ / static_cast<double>(emittedPhotons), light_);
+    if (!light_.resolve(tree_, words(direct_), words(indirect_),
+                        unit_ / static_cast<double>(emittedPhotons), emittedPhotons, keepGoing)) {
+      return false;
+    }
+    tracer_ = GridTracer(tree_, grid_, light_.front());
+    return true;
   }
 
-  std::span<const asvo::uvec4> light() const override { return light_; }
+  std::span<const asvo::uvec4> light() const override { return light_.front(); }
   GRayStatistics statistics() const override { return statistics_; }
 
  private:
@@ -159,9 +172,9 @@ class CpuTracer final : public GRayTracer {
 
   const asvo::Tree& tree_;
   std::vector<shaderio::PhotonMaterial> materials_;
-  std::vector<asvo::uvec4> light_;
+  LightBuffers light_;
   std::vector<std::uint32_t> grid_;
-  const GridTracer tracer_;
+  GridTracer tracer_;
   std::vector<std::uint64_t> direct_, indirect_;  // made when the first photons come
   double unit_ = 0.0;
   std::array<GatherSlot, 2> slots_;

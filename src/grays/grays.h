@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -41,8 +42,17 @@ class GRayTracer {
   /// with `unit` watts a count: free of order, equal bits on every run.
   virtual void tracePhotons(std::span<const shaderio::PhotonRecord> records, double unit) = 0;
   /// Filters flux up the tree (sums of flux over sums of area) and turns it into irradiance,
-  /// divided by `emittedPhotons`. Afterwards light() and gathers see it.
-  virtual void resolveLight(std::uint64_t emittedPhotons) = 0;
+  /// divided by `emittedPhotons`. Afterwards light() and gathers see it. `keepGoing` is asked every
+  /// millisecond or so; false if it said no: light() is then as it was, and the next call with the
+  /// same sums goes on.
+  virtual bool resolveLight(std::uint64_t emittedPhotons,
+                            const std::function<bool()>& keepGoing) = 0;
+  void resolveLight(std::uint64_t emittedPhotons) {
+    resolveLight(emittedPhotons, [] { return true; });
+  }
+  /// Reads the tree's voxels and the materials anew: their values have changed, their number has
+  /// not. Waits for the cones under way.
+  virtual void refresh(std::span<const shaderio::PhotonMaterial> materials) = 0;
   /// Irradiance as in asvo_layout.h light[], on the host; nodeCount entries.
   virtual std::span<const asvo::uvec4> light() const = 0;
   virtual GRayStatistics statistics() const = 0;

@@ -3,6 +3,7 @@
 #include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
+#include <algorithm>
 #include <bit>
 #include <cassert>
 
@@ -30,9 +31,11 @@ struct Sums {
   }
 };
 
-class Resolver {
+}  // namespace
+
+struct LightResolver::Work {
  public:
-  Resolver(const asvo::Tree& tree, std::span<const std::uint32_t> direct,
+  Work(const asvo::Tree& tree, std::span<const std::uint32_t> direct,
            std::span<const std::uint32_t> indirect, double wattsPerCount,
            std::span<asvo::uvec4> light)
       : tree_(tree),
@@ -46,15 +49,19 @@ class Resolver {
     leastArea_ = kLeastArea * edge * edge;
   }
 
-  void run() {
+  /// Steps up the levels, then down again.
+  bool advance(const std::function<bool()>& keepGoing) {
     const int depth = static_cast<int>(tree_.info.depth);
-    for (int level = depth - 1; level >= 0; --level) {
-      forLevel(level, [&](std::uint32_t node) { sumChildren(node); });
+    for (; step_ < 2 * depth; ++step_, next_ = 0) {
+      const bool up = step_ < depth;
+      const int level = up ? depth - 1 - step_ : step_ - depth;
+      if (step_ == depth && next_ == 0 && tree_.info.nodeCount > 0) {
+        light_[0] = pack(irradiance(sums(0), asvo::uvec4(0u)));
+      }
+      const auto each = [&](std::uint32_t node) { up ? sumChildren(node) : lightChildren(node); };
+      if (!forLevel(level, keepGoing, each)) return false;
     }
-    if (tree_.info.nodeCount > 0) light_[0] = pack(irradiance(sums(0), asvo::uvec4(0u)));
-    for (int level = 0; level < depth; ++level) {
-      forLevel(level, [&](std::uint32_t node) { lightChildren(node); });
-    }
+    return true;
   }
 
  private:
@@ -63,13 +70,20 @@ class Resolver {
   };
 
   template <typename Function>
-  void forLevel(int level, const Function& function) {
+  bool forLevel(int level, const std::function<bool()>& keepGoing, const Function& function) {
+    constexpr std::uint32_t kPiece = 1u << 14;
     const auto l = static_cast<std::size_t>(level);
-    tbb::parallel_for(
-        tbb::blocked_range<std::uint32_t>(tree_.levelOffsets[l], tree_.levelOffsets[l + 1], 256),
-        [&](const tbb::blocked_range<std::uint32_t>& range) {
-          for (std::uint32_t node = range.begin(); node != range.end(); ++node) function(node);
-        });
+    const std::uint32_t first = tree_.levelOffsets[l], end = tree_.levelOffsets[l + 1];
+    for (; first + next_ < end; next_ += kPiece) {
+      if (next_ > 0 && !keepGoing()) return false;
+      tbb::parallel_for(
+          tbb::blocked_range<std::uint32_t>(first + next_, std::min(first + next_ + kPiece, end),
+                                            256),
+          [&](const tbb::blocked_range<std::uint32_t>& range) {
+            for (std::uint32_t node = range.begin(); node != range.end(); ++node) function(node);
+          });
+    }
+    return true;
   }
 
   vec3 flux(std::span<const std::uint32_t> words, std::uint32_t leaf, int side) const {
@@ -146,16 +160,37 @@ class Resolver {
   std::span<asvo::uvec4> light_;
   std::vector<Sums> inner_;
   float leastArea_ = 0.0f;
+  int step_ = 0;
+  std::uint32_t next_ = 0;  ///< of the level under way
 };
 
-}  // namespace
-
-void resolveLight(const asvo::Tree& tree, std::span<const std::uint32_t> direct,
-                  std::span<const std::uint32_t> indirect, double wattsPerCount,
-                  std::span<asvo::uvec4> light) {
+LightResolver::LightResolver(const asvo::Tree& tree, std::span<const std::uint32_t> direct,
+                             std::span<const std::uint32_t> indirect, double wattsPerCount,
+                             std::span<asvo::uvec4> light) {
   assert(direct.size() >= tree.info.leafCount * kWordsPerLeaf && light.size() == tree.nodes.size());
   assert(indirect.size() == direct.size());
-  Resolver(tree, direct, indirect, wattsPerCount, light).run();
+  work_ = std::make_unique<Work>(tree, direct, indirect, wattsPerCount, light);
+}
+
+LightResolver::~LightResolver() = default;
+
+bool LightResolver::advance(const std::function<bool()>& keepGoing) {
+  return work_->advance(keepGoing);
+}
+
+bool LightBuffers::resolve(const asvo::Tree& tree, std::span<const std::uint32_t> direct,
+                           std::span<const std::uint32_t> indirect, double wattsPerCount,
+                           std::uint64_t photons, const std::function<bool()>& keepGoing) {
+  if (photons != photons_) restart();
+  photons_ = photons;
+  if (!resolver_) {
+    resolver_ =
+        std::make_unique<LightResolver>(tree, direct, indirect, wattsPerCount, std::span(back_));
+  }
+  if (!resolver_->advance(keepGoing)) return false;
+  resolver_.reset();
+  front_.swap(back_);
+  return true;
 }
 
 }  // namespace trex

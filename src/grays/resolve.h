@@ -3,6 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -17,10 +19,42 @@ inline constexpr std::uint64_t kWordsPerLeaf = 12;
 /// count being `wattsPerCount`. Sums of flux over sums of area go up the tree, sides exchanged
 /// where a child faces against its parent. A voxel side with less than kLeastArea of a leaf's face
 /// takes the quotient of its next ancestor that has more, for a small area makes a noisy quotient.
-/// Runs on the calling oneTBB arena; same bits for any number of threads.
-void resolveLight(const asvo::Tree& tree, std::span<const std::uint32_t> direct,
-                  std::span<const std::uint32_t> indirect, double wattsPerCount,
-                  std::span<asvo::uvec4> light);
+/// Runs on the calling oneTBB arena; same bits for any number of threads and interruptions.
+class LightResolver {
+ public:
+  /// The spans must stay as they are until advance() is done.
+  LightResolver(const asvo::Tree& tree, std::span<const std::uint32_t> direct,
+                std::span<const std::uint32_t> indirect, double wattsPerCount,
+                std::span<asvo::uvec4> light);
+  ~LightResolver();
+  /// Goes on until it is done or `keepGoing` says no, asked between pieces of about a millisecond.
+  /// True once done.
+  bool advance(const std::function<bool()>& keepGoing);
+
+ private:
+  struct Work;
+  std::unique_ptr<Work> work_;
+};
+
+/// A light array that is resolved in slices while the last one is still read.
+class LightBuffers {
+ public:
+  explicit LightBuffers(std::size_t nodes)
+      : front_(nodes, asvo::uvec4(0u)), back_(nodes, asvo::uvec4(0u)) {}
+  const std::vector<asvo::uvec4>& front() const { return front_; }
+  /// As LightResolver::advance(); once done front() has the result. A slice under way is forgotten
+  /// if the photons differ from the last call's.
+  bool resolve(const asvo::Tree& tree, std::span<const std::uint32_t> direct,
+               std::span<const std::uint32_t> indirect, double wattsPerCount,
+               std::uint64_t photons, const std::function<bool()>& keepGoing);
+  /// The sums have changed: what is under way is void.
+  void restart() { resolver_.reset(); }
+
+ private:
+  std::vector<asvo::uvec4> front_, back_;
+  std::unique_ptr<LightResolver> resolver_;
+  std::uint64_t photons_ = 0;
+};
 
 inline constexpr float kLeastArea = 0.2f;
 

@@ -72,6 +72,8 @@ class PhotonPass {
              std::span<const shaderio::PhotonMaterial> materials);
 
   void reset();
+  /// As many as before.
+  void setMaterials(std::span<const shaderio::PhotonMaterial> materials);
   Counts trace(std::span<const shaderio::PhotonRecord> records, float countsPerWatt);
   /// The sums as 32-bit words; downloaded first where memory is not mapped. Valid until the next
   /// call.

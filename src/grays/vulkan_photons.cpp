@@ -52,6 +52,10 @@ void PhotonPass::reset() {
   indirect_.clear();
 }
 
+void PhotonPass::setMaterials(std::span<const shaderio::PhotonMaterial> materials) {
+  if (!materials.empty()) materials_.upload(std::as_bytes(materials));
+}
+
 void PhotonPass::makeKernel() {
   kernel_.emplace(device_, vulkan::KernelOptions{.name = "photons",
                                                  .spirv = photonShader(tree_.texels),

@@ -47,7 +47,7 @@ class VulkanTracer final : public GRayTracer {
                const vulkan::DeviceOptions& options, bool storageBuffers)
       : tree_(tree),
         materials_(materials.begin(), materials.end()),
-        light_(tree.nodes.size(), asvo::uvec4(0u)),
+        light_(tree.nodes.size()),
         device_(options) {
     requireRoom(device_, tree);
     if (tree.info.leafCount > 0) {
@@ -80,12 +80,22 @@ class VulkanTracer final : public GRayTracer {
   }
 
   void resetFlux() override {
+    light_.restart();
     if (photons_) photons_->reset();
+  }
+
+  void refresh(std::span<const shaderio::PhotonMaterial> materials) override {
+    materials_.assign(materials.begin(), materials.end());
+    if (!buffers_) return;
+    gather_->waitAll();
+    buffers_->voxels.upload(std::as_bytes(std::span(tree_.voxels)));
+    if (photons_) photons_->setMaterials(materials_);
   }
 
   void tracePhotons(std::span<const shaderio::PhotonRecord> records, double unit) override {
     const auto start = std::chrono::steady_clock::now();
     unit_ = unit;
+    light_.restart();
     statistics_.photonRecords += records.size();
     if (!buffers_) {
       statistics_.lostDeposits += records.size();
@@ -99,16 +109,20 @@ class VulkanTracer final : public GRayTracer {
         std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   }
 
-  void resolveLight(std::uint64_t emittedPhotons) override {
-    if (!buffers_ || emittedPhotons == 0) return;
-    gather_->waitAll();
+  using GRayTracer::resolveLight;
+  bool resolveLight(std::uint64_t emittedPhotons, const std::function<bool()>& keepGoing) override {
+    if (!buffers_ || emittedPhotons == 0) return true;
     if (!photons_) photons_.emplace(device_, *buffers_, materials_);
-    trex::resolveLight(tree_, photons_->directWords(), photons_->indirectWords(),
-                       unit_ / static_cast<double>(emittedPhotons), light_);
-    buffers_->light.upload(std::as_bytes(std::span(light_)));
+    if (!light_.resolve(tree_, photons_->directWords(), photons_->indirectWords(),
+                        unit_ / static_cast<double>(emittedPhotons), emittedPhotons, keepGoing)) {
+      return false;
+    }
+    gather_->waitAll();
+    buffers_->light.upload(std::as_bytes(std::span(light_.front())));
+    return true;
   }
 
-  std::span<const asvo::uvec4> light() const override { return light_; }
+  std::span<const asvo::uvec4> light() const override { return light_.front(); }
 
   GRayStatistics statistics() const override {
     GRayStatistics s = statistics_;
@@ -121,7 +135,7 @@ class VulkanTracer final : public GRayTracer {
  private:
   const asvo::Tree& tree_;
   std::vector<shaderio::PhotonMaterial> materials_;
-  std::vector<asvo::uvec4> light_;
+  LightBuffers light_;
   vulkan::Device device_;
   std::optional<TreeBuffers> buffers_;  // none for an empty tree: every cone is clear
   std::optional<GatherPass> gather_;

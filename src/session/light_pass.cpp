@@ -8,9 +8,10 @@
 namespace trex {
 namespace {
 
-constexpr std::uint64_t kBatch = 1u << 18;  // photons landed at a time
+constexpr std::uint64_t kBatch = 1u << 18;  // photons that guides learn from at a time
 /// Guides learn after each batch, so the first ones are small.
 constexpr std::uint64_t kPilotBatch = 1u << 14, kPilotPhotons = 1u << 17;
+constexpr double kChunkSeconds = 0.003;  // between two questions whether to go on
 constexpr std::uint64_t kMostPhotons = 1u << 31;  // photon numbers are 32 bits wide
 /// Counts of the largest photon: 2^31 photons x 2^6 deposits x 2^20 counts stay below 2^63.
 constexpr double kLargestCounts = 1u << 20;
@@ -46,28 +47,47 @@ void LightPass::aim(const CameraRays& camera, std::uint32_t width, std::uint32_t
   seconds_ += taken.count();
 }
 
+/// Where the batch under way ends: guides learn there.
+std::uint64_t LightPass::boundary() const {
+  const bool pilot = !guides_.empty() && emitted_ < kPilotPhotons;
+  const std::uint64_t batch = pilot ? kPilotBatch : kBatch;
+  return (emitted_ / batch + 1) * batch;
+}
+
+void LightPass::shoot(std::uint64_t count) {
+  const auto inverse = static_cast<float>(1.0 / scale_);
+  const std::uint64_t end = boundary();
+  const auto landed = landPhotons(scene_, rays_, lights_, seed_, emitted_, count, guides_);
+  std::vector<shaderio::PhotonRecord> records;
+  records.reserve(landed.size());
+  for (const LandedPhoton& p : landed) {
+    records.push_back(
+        {p.position, cache_.tracer().asvoOctEncode(p.normal), p.power * inverse, p.index});
+  }
+  if (!records.empty()) device_.tracePhotons(records, unit_);
+  emitted_ += count;
+  landed_ += records.size();
+  if (guides_.empty()) return;
+  unlearned_.insert(unlearned_.end(), landed.begin(), landed.end());
+  if (emitted_ < end) return;
+  wanted_ += learn(unlearned_, importance_, guides_);
+  unlearned_.clear();
+}
+
 bool LightPass::run(std::uint64_t target, const std::function<bool()>& keepGoing) {
   if (target <= resolved_ || !lights_.anyPower()) return true;
   const auto start = std::chrono::steady_clock::now();
-  std::vector<shaderio::PhotonRecord> records;
-  const auto inverse = static_cast<float>(1.0 / scale_);
   bool going = true;
   while (emitted_ < target && (going = keepGoing())) {
-    const bool pilot = !guides_.empty() && emitted_ < kPilotPhotons;
-    const std::uint64_t count = std::min(pilot ? kPilotBatch : kBatch, target - emitted_);
-    const auto landed = landPhotons(scene_, rays_, lights_, seed_, emitted_, count, guides_);
-    wanted_ += learn(landed, importance_, guides_);
-    records.clear();
-    for (const LandedPhoton& p : landed) {
-      records.push_back(
-          {p.position, cache_.tracer().asvoOctEncode(p.normal), p.power * inverse, p.index});
-    }
-    if (!records.empty()) device_.tracePhotons(records, unit_);
-    emitted_ += count;
-    landed_ += records.size();
+    const auto mark = std::chrono::steady_clock::now();
+    const std::uint64_t count = std::min({chunk_, boundary() - emitted_, target - emitted_});
+    shoot(count);
+    const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - mark;
+    if (taken.count() > 1.5 * kChunkSeconds) chunk_ = std::max<std::uint64_t>(chunk_ / 2, 256);
+    if (taken.count() < 0.5 * kChunkSeconds) chunk_ = std::min(chunk_ * 2, kBatch);
   }
+  going = going && device_.resolveLight(emitted_, keepGoing);
   if (going) {
-    device_.resolveLight(emitted_);
     cache_.setLight(device_.light(), scale_);
     resolved_ = emitted_;
   }

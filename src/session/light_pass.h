@@ -27,11 +27,15 @@ class LightPass {
   /// nothing if no source shines from outside.
   void aim(const CameraRays& camera, std::uint32_t width, std::uint32_t height);
 
-  /// Shoots what is missing up to `target` photons in all and resolves. Asks `keepGoing` between
-  /// batches; false if it said no: the light is then as it was, and the next call goes on.
+  /// Shoots what is missing up to `target` photons in all and resolves. Asks `keepGoing` every few
+  /// milliseconds; false if it said no: the light is then as it was, and the next call goes on. The
+  /// light depends on the number of photons alone, not on the calls that brought them.
   bool run(std::uint64_t target, const std::function<bool()>& keepGoing);
 
+  /// The device's sums are to be forgotten by whoever makes a new pass.
   std::uint64_t emitted() const { return emitted_; }
+  /// Photons that the cached light knows of; 0: none is ready.
+  std::uint64_t resolved() const { return resolved_; }
   std::uint64_t landed() const { return landed_; }
   /// Of the photons from outside, those that landed where aim() found light to be wanted.
   std::uint64_t wanted() const { return wanted_; }
@@ -41,6 +45,9 @@ class LightPass {
   double scale() const { return scale_; }
 
  private:
+  std::uint64_t boundary() const;
+  void shoot(std::uint64_t count);
+
   const Scene& scene_;
   const RayScene& rays_;
   const LightSet& lights_;
@@ -50,6 +57,8 @@ class LightPass {
   double scale_ = 1.0, unit_ = 1.0, seconds_ = 0.0;
   std::uint64_t emitted_ = 0, landed_ = 0, wanted_ = 0;
   std::uint64_t resolved_ = 0;  ///< photons that the cache knows of
+  std::uint64_t chunk_ = 1u << 11;  ///< photons that take some milliseconds here
+  std::vector<LandedPhoton> unlearned_;  ///< of the batch under way
   ImportanceMap importance_;
   std::vector<EmissionGuide> guides_;  ///< by source; none if nothing is to be guided
 };
