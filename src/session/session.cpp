@@ -51,7 +51,8 @@ Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
   camera_ = std::make_unique<CameraRays>(camera, rays.renderOrigin(), width, height);
   if (settings_.exact < 1.0 && model_->voxels && lights_->anyPower()) {
     const double mark = secondsNow();
-    setVoxels(model_->voxels, makeDevice(model_->scene, *model_->voxels, settings_));
+    setVoxels(model_->voxels, makeDevice(model_->scene.materials, model_->scene.images,
+                                         *model_->voxels, settings_));
     report_.deviceSeconds = secondsNow() - mark - report_.aimSeconds;
   }
   if (settings_.denoise && settings_.seconds > 0.0) {

@@ -32,6 +32,7 @@
 #include "src/session/frame_buffers.h"
 #include "src/session/model.h"
 #include "src/session/settings.h"
+#include "src/session/shown_picture.h"
 
 namespace trex {
 
@@ -81,21 +82,23 @@ class Session {
   /// Does what comes next until `keepGoing` says no, asked every few milliseconds, but at least the
   /// coarsest picture of all tiles after a change. `pointer`: see TileScheduler.
   Step step(const std::function<bool()>& keepGoing, vec2 pointer);
-  /// The model has changed as ModelEditor::apply() said; `camera` is the one to look through.
+  /// The model has changed as ModelEditor::apply() said; `camera` is the one to look through. With
+  /// new voxel values ModelEditor::updateVoxelValues() has been called.
   void follow(const Invalidation& what, const Camera& camera);
   /// Voxels are being built: until setVoxels() there are previews alone.
   void voxelsAreComing();
   /// Voxels with a device that reads them, made by any thread (makeDevice). What was there before
   /// serves previews until photons have been shot.
   void setVoxels(std::shared_ptr<const asvo::Tree> tree, std::unique_ptr<GRayTracer> device);
-  static std::unique_ptr<GRayTracer> makeDevice(const Scene& scene, const asvo::Tree& tree,
+  static std::unique_ptr<GRayTracer> makeDevice(const std::vector<Material>& materials,
+                                                const std::vector<Image>& images,
+                                                const asvo::Tree& tree,
                                                 const RenderSettings& settings);
-  /// The device reads the values of Model::voxels anew; for edited materials, before step().
-  void refreshVoxels(std::shared_ptr<const asvo::Tree> tree);
   /// Aims photons at the present camera if they were aimed elsewhere; they start anew then.
   bool aimAgain();
   /// What is to be shown: the frame under way, or the preview. Read what its tiles have, no more.
   const FrameBuffers& shownFrame() const;
+  ShownOptions shownOptions() const;
   bool previewing() const;
   /// How captures repeat the light of this frame: RenderSettings::photons and aim.
   std::uint64_t leastPhotons() const { return settings_.photons; }
@@ -145,6 +148,7 @@ class Session {
                    const std::function<bool()>& keepGoing, vec2 pointer);
   void prepareLight();
   void startLight();
+  void refreshDevice();
   void makeIntegrators();
   bool wantsGuess() const;
   LightSide* nextLight() const;

@@ -30,11 +30,13 @@ std::uint32_t nextLightSample(std::uint32_t sample, std::uint64_t pixels) {
 
 }  // namespace
 
-std::unique_ptr<GRayTracer> Session::makeDevice(const Scene& scene, const asvo::Tree& tree,
+std::unique_ptr<GRayTracer> Session::makeDevice(const std::vector<Material>& materials,
+                                                const std::vector<Image>& images,
+                                                const asvo::Tree& tree,
                                                 const RenderSettings& settings) {
-  const auto materials = photonMaterials(scene);
-  if (settings.device == RenderSettings::kNoDevice) return makeCpuTracer(tree, materials);
-  return makeVulkanTracer(tree, materials, settings.device, {.maxBytes = settings.maxGpuMemory});
+  const auto photons = photonMaterials(materials, images);
+  if (settings.device == RenderSettings::kNoDevice) return makeCpuTracer(tree, photons);
+  return makeVulkanTracer(tree, photons, settings.device, {.maxBytes = settings.maxGpuMemory});
 }
 
 void Session::setVoxels(std::shared_ptr<const asvo::Tree> tree,
@@ -51,33 +53,22 @@ void Session::setVoxels(std::shared_ptr<const asvo::Tree> tree,
   side->cache = std::make_unique<LightCache>(*side->tree);
   voxelsComing_ = false;
   (light_ ? coming_ : light_) = std::move(side);
+  if (settings_.interactive) refreshDevice();
   startLight();
-}
-
-void Session::refreshVoxels(std::shared_ptr<const asvo::Tree> tree) {
-  LightSide* side = nextLight();
-  if (side == nullptr) return;
-  if (tree != side->tree) {
-    // The same nodes in a copy that may be edited: made by the first edit of a material.
-    auto device = makeDevice(model_->scene, *tree, settings_);
-    auto cache = std::make_unique<LightCache>(*tree);
-    if (!coming_) {
-      coming_ = std::make_unique<LightSide>();
-      side = coming_.get();
-    }
-    side->pass.reset();
-    side->device = std::move(device);
-    side->cache = std::move(cache);
-    side->tree = std::move(tree);
-  }
-  side->device->refresh(photonMaterials(model_->scene));
-  startLight();
+  if (settings_.interactive) makeIntegrators();
 }
 
 Session::LightSide* Session::nextLight() const { return coming_ ? coming_.get() : light_.get(); }
 
 bool Session::wantsGuess() const {
   return settings_.exact < 1.0 && lights_->anyPower() && (light_ || voxelsComing_);
+}
+
+/// The device reads the values of its voxels and the materials anew.
+void Session::refreshDevice() {
+  if (const LightSide* side = nextLight()) {
+    side->device->refresh(photonMaterials(model_->scene.materials, model_->scene.images));
+  }
 }
 
 /// Photons of the present lights start anew.
@@ -134,6 +125,7 @@ void Session::follow(const Invalidation& what, const Camera& camera) {
                                          rays.visibility());
     if (light_ && power > 0.0) light_->cache->scaleLight(lights_->totalPower() / power);
   }
+  if (what.voxelValues) refreshDevice();
   if (what.flux) {
     startLight();
   } else if (const LightSide* side = nextLight()) {

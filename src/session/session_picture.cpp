@@ -2,48 +2,21 @@
 #include <algorithm>
 #include <chrono>
 
-#include "src/frame/denoise.h"
 #include "src/session/checkpoint.h"
 #include "src/session/light_side.h"
 
 namespace trex {
-namespace {
-
-constexpr std::uint64_t kPairsThatTell = 2;  // a pixel, from which on there is a variance
-
-}  // namespace
-
-/// What the viewer gets to see of the frame: means, filtered if asked for.
+/// The frame as a screen or a file shows it.
 std::vector<vec3> Session::shown() {
   const double mark = secondsNow();
-  const auto gather = [&](const auto& value) {
-    std::vector<vec3> out;
-    out.reserve(std::size_t{settings_.width} * settings_.height);
-    for (std::uint32_t y = 0; y < settings_.height; ++y) {
-      for (std::uint32_t x = 0; x < settings_.width; ++x) out.emplace_back(value(x, y));
-    }
-    return out;
-  };
-  using Pixel = std::uint32_t;
-  if (!settings_.denoise) return gather([&](Pixel x, Pixel y) { return frame_->sums.mean(x, y); });
-  std::vector<vec3> out = denoiseGuess(
-      *frame_->features, gather([&](Pixel x, Pixel y) { return frame_->sums.guess(x, y).mean(); }),
-      gather([&](Pixel x, Pixel y) { return frame_->sums.guess(x, y).varianceOfMean(); }));
-  if (settings_.exact > 0.0 && frame_->sums.fewestPairs() >= kPairsThatTell) {
-    // A rare bright path makes both mean and variance of its pixel large; a pixel that has met none
-    // knows too little of them. So no variance counts as less than that of all pixels together.
-    const dvec3 pooled = frame_->sums.pooledDifferenceVariance();
-    const auto correction = denoiseCorrection(
-        *frame_->features,
-        gather([&](Pixel x, Pixel y) { return frame_->sums.difference(x, y).mean(); }),
-        gather([&](Pixel x, Pixel y) {
-          const Moments d = frame_->sums.difference(x, y);
-          return glm::max(d.varianceOfMean(), pooled / static_cast<double>(d.count()));
-        }));
-    for (std::size_t i = 0; i < out.size(); ++i) out[i] += correction[i];
-  }
-  report_.filterSeconds = secondsNow() - mark;
-  return out;
+  ShownPicture picture(*frame_, settings_.width, settings_.height, shownOptions());
+  picture.advance([] { return true; });
+  report_.filterSeconds = settings_.denoise ? secondsNow() - mark : 0.0;
+  return picture.take();
+}
+
+ShownOptions Session::shownOptions() const {
+  return {settings_.denoise, settings_.exact > 0.0 && settings_.exact < 1.0, 1};
 }
 
 Picture Session::picture() {
