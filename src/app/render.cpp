@@ -17,6 +17,8 @@
 #include "src/core/log.h"
 #include "src/frame/image_file.h"
 #include "src/scene/import.h"
+#include "src/scene/look_file.h"
+#include "src/session/model_editor.h"
 #include "src/session/preflight.h"
 
 namespace trex {
@@ -45,6 +47,18 @@ void setThreads(int threads, std::optional<tbb::global_control>& limit) {
   setenv("LP_NUM_THREADS", std::to_string(threads).c_str(), 0);  // lavapipe's own threads
 }
 
+/// The overlay's look; what it asks of the model and the settings is set. An exposure or a camera
+/// of the command line goes before the look's.
+Look readEdits(RenderArguments& a, const Scene& scene, ModelOptions& options) {
+  LookLight light;
+  Look look = readLook(a.edits, scene, lookOf(scene), &light);
+  a.settings.photons = light.photons;
+  a.settings.aim = light.aim;
+  options.voxelsInTheDark = true;
+  if (a.exposure == "auto" && look.exposure != 0.0f) a.exposure = fmt::format("{}", look.exposure);
+  return look;
+}
+
 int render(RenderArguments& a) {
   readSettings(a);
   const PictureLayers layers = layersFromNames(a.layers);
@@ -63,9 +77,12 @@ int render(RenderArguments& a) {
   open.model.voxels = a.settings.exact < 1.0;
   open.model.voxelDepth = voxelDepthFor(std::uint64_t{a.settings.width} * a.settings.height);
   std::vector<View> views;
+  std::optional<Look> look;
+  ModelOptions built;
   double importSeconds = 0.0;
   open.prepare = [&](const Scene& scene, ModelOptions& model) {
-    views = makeViews(a, scene);
+    if (!a.edits.empty()) look = readEdits(a, scene, model);
+    views = makeViews(a, scene, look);
     checkOutputs(views, a.checkpoint);
     importSeconds = seconds() - start;
     logVerbose("{}: {} triangles, {} unique, {} instances", a.input, scene.triangleCount(),
@@ -73,9 +90,11 @@ int render(RenderArguments& a) {
     const std::uint64_t baked =
         isBundlePath(a.input) ? std::filesystem::file_size(a.input) : std::uint64_t{0};
     model.voxelBytes = preflight(scene, a.settings, layers, baked).voxelBytes;
+    built = model;
     catchInterrupts();
   };
-  auto model = std::make_shared<const Model>(openModel(a.input, open));
+  auto model = std::make_shared<Model>(openModel(a.input, open));
+  if (look) applyLook(model, *look, built);
   Capture capture(a, std::move(model), std::move(views), importSeconds);
   return capture.run();
 }
@@ -105,6 +124,7 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
       ->allow_extra_args(false);
   c->add_option("--path", a->path,
                 "Cameras from a file, one picture each: {\"trex\": 1, \"cameras\": [..]}");
+  c->add_option("--edits", a->edits, "Edits saved by the viewer, a JSON overlay on the scene");
   c->add_option("--env", a->environment, "Environment: R,G,B or a latitude-longitude .hdr or .exr");
   c->add_option("--device", a->device, "Vulkan device of the G-rays: number, auto or none")
       ->capture_default_str();

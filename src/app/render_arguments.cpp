@@ -63,12 +63,13 @@ void readSettings(RenderArguments& a) {
   }
 }
 
-std::vector<View> makeViews(const RenderArguments& a, const Scene& scene) {
+std::vector<View> makeViews(const RenderArguments& a, const Scene& scene,
+                            const std::optional<Look>& look) {
   std::vector<Camera> cameras;
   if (!a.path.empty()) {
     cameras = readCameraPath(a.path, scene);
   } else if (a.cameras.empty()) {
-    cameras.push_back(scene.cameras.front());
+    cameras.push_back(look ? look->camera : scene.cameras.front());
   } else if (a.cameras.size() == 1 && a.cameras.front() == "all") {
     cameras = scene.cameras;
   } else {

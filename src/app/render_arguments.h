@@ -1,10 +1,11 @@
 // What `trex render` was asked for on the command line.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
-#include "src/scene/scene.h"
+#include "src/scene/look.h"
 #include "src/session/settings.h"
 
 namespace trex {
@@ -15,6 +16,7 @@ struct RenderArguments {
               denoise = "auto";
   std::vector<std::string> cameras;  ///< names or EYE/TARGET/UP/VFOV; "all"
   std::string path;                  ///< file of cameras, one a frame
+  std::string edits;                 ///< overlay on the scene, as the viewer saves it
   std::string maxMemory, maxGpuMemory;
   std::vector<std::string> layers;
   std::string checkpoint;
@@ -38,7 +40,8 @@ struct View {
 /// Cameras and file names of all pictures: the scene's first camera, those named, or those of the
 /// path. With several, the number of the picture, from 1, takes the place of a run of # in the
 /// output's name, or goes before its extension. Throws Error(kUsage or kInput).
-std::vector<View> makeViews(const RenderArguments& a, const Scene& scene);
+std::vector<View> makeViews(const RenderArguments& a, const Scene& scene,
+                            const std::optional<Look>& look = {});
 
 /// A camera as EYE/TARGET/UP/VFOV, which --camera reads back; its name if it is orthographic.
 std::string cameraText(const Camera& camera);

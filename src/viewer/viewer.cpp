@@ -208,8 +208,10 @@ bool Viewer::Impl::idle() const {
   if (background.hasDelivery() || lookChanged) return false;
   if (!session) return !background.busy();
   if (wantVoxels && !background.busy()) return false;
-  const bool still = state.paused || (session->resting() && exactRests());
-  return still && !wantsAim() && screen.complete(*session, exact.get(), state) && !restyled();
+  if (restyled()) return false;
+  if (state.paused) return screen.showsGeneration();
+  return session->resting() && exactRests() && !wantsAim() &&
+         screen.complete(*session, exact.get(), state);
 }
 
 bool Viewer::Impl::exactRests() const { return !state.split || !exact || exact->resting(); }
