@@ -40,7 +40,4 @@ struct View {
 /// output's name, or goes before its extension. Throws Error(kUsage or kInput).
 std::vector<View> makeViews(const RenderArguments& a, const Scene& scene);
 
-/// A camera as EYE/TARGET/UP/VFOV, which --camera reads back; its name if it is orthographic.
-std::string cameraText(const Camera& camera);
-
 }  // namespace trex
