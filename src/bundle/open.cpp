@@ -183,7 +183,7 @@ Model openBundle(const fs::path& path, const OpenOptions& options) {
   model.rays = std::make_unique<RayScene>(model.scene, std::move(contents.parts));
   model.meshSeconds = now() - start;
   if (contents.voxels) {
-    model.voxels = std::make_shared<const asvo::Tree>(std::move(*contents.voxels));
+    model.voxels = std::make_shared<asvo::Tree>(std::move(*contents.voxels));
   }
   return model;
 }

@@ -91,6 +91,8 @@ class Integrator {
   PathSample sample(std::uint32_t x, std::uint32_t y, std::uint32_t width, std::uint32_t sample,
                     bool paired, std::uint32_t pixelTag, std::vector<ConeRequest>& cones,
                     RayCounts& counts) const;
+  /// Whether samples are guesses, so that a paired one differs.
+  bool guesses() const { return guess_.cache != nullptr; }
 
  private:
   struct Path;

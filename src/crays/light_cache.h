@@ -31,6 +31,11 @@ class LightCache {
   /// `light` as in asvo_layout.h, in units of `scale` W/m^2. The span must stay valid.
   void setLight(std::span<const asvo::uvec4> light, double scale);
 
+  bool hasLight() const { return !light_.empty(); }
+  double scale() const { return static_cast<double>(scale_); }
+  /// Makes all light so many times as strong: a preview of changed lights.
+  void scaleLight(double factor) { scale_ *= static_cast<float>(factor); }
+
   /// Edge of a leaf voxel, metres.
   float leafSize() const { return leafSize_; }
   const asvo::Tracer& tracer() const { return tracer_; }

@@ -42,6 +42,12 @@ dvec3 Accumulator::varianceOfMean(std::uint32_t x, std::uint32_t y) const {
                              : combinedVariance(guess_[i], difference_[i]);
 }
 
+void Accumulator::restart() {
+  const std::lock_guard lock(mutex_);
+  nonFiniteCount_ = 0;
+  nonFinite_.clear();
+}
+
 std::uint64_t Accumulator::samples(std::uint32_t x, std::uint32_t y) const {
   return guess_[index(x, y)].count();
 }

@@ -33,6 +33,15 @@ class Accumulator {
   bool add(std::uint32_t x, std::uint32_t y, std::uint32_t sample, const vec3& guess,
            const vec3* exact);
 
+  /// Forgets a pixel's samples; restart() the counts of non-finite ones. Together, with every pixel
+  /// restarted before its first sample, they begin a new picture without touching all of its
+  /// memory.
+  void restart(std::uint32_t x, std::uint32_t y) {
+    guess_[index(x, y)] = {};
+    if (!difference_.empty()) difference_[index(x, y)] = {};
+  }
+  void restart();
+
   dvec3 mean(std::uint32_t x, std::uint32_t y) const;
   dvec3 varianceOfMean(std::uint32_t x, std::uint32_t y) const;
   /// The parts of mean(): the guess, and the difference, which is 0 without pairs.

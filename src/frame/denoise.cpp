@@ -1,206 +1,229 @@
 #include "src/frame/denoise.h"
 
+#include <hwy/aligned_allocator.h>
 #include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
-#include <bit>
-#include <cmath>
-#include <cstdint>
+#include <cassert>
+#include <new>
+#include <utility>
+
+#include "src/frame/denoise_kernels.h"
 
 namespace trex {
 namespace {
 
-constexpr int kIterations = 5;           // steps of 1, 2, 4, 8, 16 pixels
-constexpr float kTolerance = 2.0f;       // differences below this many deviations are noise
 constexpr float kPlaneTolerance = 1.0f;  // pixel widths off the surface's plane
-constexpr float kAlbedoTolerance = 0.1f;
+constexpr std::size_t kFilterPlanes = kGuidePlanes + 2 * kCellPlanes;
 constexpr float kLeastAlbedo = 0.02f;
-
 constexpr float kDoubt = 4.0f;  // of variances: they are estimates, too small where light is rare
-constexpr float kFar = 20.0f;   // exponents beyond count as infinite
 
-/// exp(-x) for x >= 0, within 2e-4 of itself; 0 beyond kFar. A polynomial for the fraction of the
-/// power of two, its integer part goes into the exponent's bits.
-float expOfMinus(float x) {
-  if (!(x < kFar)) return 0.0f;
-  const float y = x * -1.44269504f;
-  const float whole = std::floor(y);
-  const float f = y - whole;
-  const float mantissa = 1.0f + f * (0.695976f + f * (0.226163f + f * 0.0778610f));
-  return std::bit_cast<float>(std::bit_cast<std::int32_t>(mantissa) +
-                              (static_cast<std::int32_t>(whole) << 23));
+// Pixels, margins included, that a thread does in about a millisecond with AVX2 at 3 GHz.
+constexpr std::size_t kBandPixels = 16384;
+
+vec3 getThree(const float* at, std::size_t stride) { return {at[0], at[stride], at[2 * stride]}; }
+void putThree(const vec3& v, float* at, std::size_t stride) {
+  at[0] = v.x;
+  at[stride] = v.y;
+  at[2 * stride] = v.z;
 }
 
-/// What a pixel shows, for the weights. `length` is that of the mean normal: 0 shows nothing.
-struct Guide {
-  vec3 normal{0.0f};
-  float length = 0.0f;
-  vec3 position{0.0f};
-  float perPixel = 0.0f;  // 1 / (kPlaneTolerance * footprint)
-  vec3 albedo{0.0f};
-};
+/// Row k of the order in which rows `step` apart follow each other: most of what a row reads was
+/// then read by the row before, and is in the cache still.
+int rowInOrder(int k, int height, int step) {
+  const int rows = height / step, longer = height % step;  // the first groups have a row more
+  const int split = longer * (rows + 1);
+  if (k < split) return k / (rows + 1) + k % (rows + 1) * step;
+  return longer + (k - split) / rows + (k - split) % rows * step;
+}
 
-/// Light without texture, and the variance of its luminance.
-struct Cell {
-  vec3 light{0.0f};
-  float variance = 0.0f;
-};
+}  // namespace
 
-class Filter {
- public:
-  Filter(const FeatureImage& features, const std::vector<vec3>& radiance,
-         const std::vector<vec3>& variance)
-      : width_(static_cast<int>(features.width())),
-        height_(static_cast<int>(features.height())),
-        guides_(radiance.size()),
-        cells_(radiance.size()),
-        next_(radiance.size()) {
-    tbb::parallel_for(0, height_, [&](int y) {
-      for (int x = 0; x < width_; ++x) {
-        const std::size_t i = index(x, y);
-        const Feature& f =
-            features.mean(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
-        Guide& guide = guides_[i];
-        guide.albedo = glm::max(f.albedo, vec3(kLeastAlbedo));
-        guide.length = glm::length(f.normal);
-        if (guide.length > 0.0f) guide.normal = f.normal / guide.length;
-        guide.position = f.position;
-        guide.perPixel = 1.0f / (kPlaneTolerance * f.footprint + 1e-30f);
-        const vec3 spread = variance[i] / (guide.albedo * guide.albedo);
-        cells_[i] = {radiance[i] / guide.albedo, luminance(spread)};
-      }
-    });
-  }
+struct GuessFilter::Work {
+  Work(const FeatureImage& features, const std::vector<vec3>& radiance,
+       const std::vector<vec3>& variance, bool correction);
 
-  std::vector<vec3> run(bool shrink) {
-    smoothVariance();
-    for (int step = 1; step < 1 << kIterations; step *= 2) {
-      tbb::parallel_for(0, height_, [&](int y) {
-        for (int x = 0; x < width_; ++x) next_[index(x, y)] = gather(x, y, step);
-      });
-      cells_.swap(next_);
-    }
-    std::vector<vec3> out(cells_.size());
-    for (std::size_t i = 0; i < out.size(); ++i) {
-      out[i] = cells_[i].light * guides_[i].albedo;
-      if (!shrink) continue;
-      const float value = luminance(cells_[i].light);
-      const float square = value * value;
-      out[i] *= square > 0.0f ? square / (square + kDoubt * cells_[i].variance) : 0.0f;
-    }
-    return out;
-  }
+  /// Rows from row_ on, of the pass under way.
+  void band();
+  bool done() const { return pass_ == kPasses; }
+
+  std::vector<vec3> out;
 
  private:
-  std::size_t index(int x, int y) const {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(width_) +
-           static_cast<std::size_t>(x);
-  }
+  enum Pass { kPrepare, kSmooth, kGather, kFinish = kGather + FilterPlanes::kIterations, kPasses };
 
-  /// How little two pixels may share by what they show: their weight is power * exp(-returned
-  /// value), where power is the 32nd of the cosine between their normals.
-  static float guideDistance(const Guide& a, const Guide& b, float inverseDistance, float& power) {
-    if (a.length * b.length < 1e-3f) {
-      power = 1.0f;
-      return a.length == b.length ? 0.0f : kInfinity;
-    }
-    const float cosine = std::min(glm::dot(a.normal, b.normal), 1.0f);
-    if (cosine <= 0.5f) return kInfinity;  // less than 2^-32
-    const float c2 = cosine * cosine, c4 = c2 * c2, c8 = c4 * c4, c16 = c8 * c8;
-    power = c16 * c16;
-    const float off = std::abs(glm::dot(a.normal, b.position - a.position)) * a.length;
-    const vec3 colour = a.albedo - b.albedo;
-    return off * a.perPixel * inverseDistance +
-           glm::dot(colour, colour) * (1.0f / (kAlbedoTolerance * kAlbedoTolerance));
+  int step() const { return pass_ < kGather || pass_ == kFinish ? 1 : 1 << (pass_ - kGather); }
+  std::size_t index(int y) const {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(planes_.width);
   }
+  void copyRow(const FeatureImage& features, const vec3* radiance, const vec3* variance, int y);
+  void clearMargins(int y);
+  void prepareRow(int y);
+  void finishRow(int y);
+  void passRow(int y);
 
-  /// Calls visit(offset index, pixel) for the 5x5 neighbours `step` apart that are in the picture.
-  template <typename Visit>
-  void neighbours(int x, int y, int step, Visit visit) const {
-    for (int dy = -2; dy <= 2; ++dy) {
-      const int py = y + dy * step;
-      if (py < 0 || py >= height_) continue;
-      for (int dx = -2; dx <= 2; ++dx) {
-        const int px = x + dx * step;
-        if (px < 0 || px >= width_) continue;
-        visit(dx, dy, index(px, py));
-      }
-    }
-  }
-
-  /// A variance from few samples is itself noise and rarely too large: the mean over a
-  /// neighbourhood bounds it from below.
-  void smoothVariance() {
-    std::vector<float> smooth(cells_.size());
-    tbb::parallel_for(0, height_, [&](int y) {
-      for (int x = 0; x < width_; ++x) {
-        const std::size_t centre = index(x, y);
-        float sum = 0.0f, weights = 0.0f;
-        neighbours(x, y, 1, [&](int, int, std::size_t other) {
-          float w = 1.0f;
-          if (other != centre) {
-            const float distance = guideDistance(guides_[centre], guides_[other], 1.0f / 3.0f, w);
-            w *= expOfMinus(distance);
-          }
-          sum += w * cells_[other].variance;
-          weights += w;
-        });
-        smooth[centre] = sum / weights;
-      }
-    });
-    for (std::size_t i = 0; i < smooth.size(); ++i) {
-      cells_[i].variance = std::max(cells_[i].variance, smooth[i]);
-    }
-  }
-
-  Cell gather(int x, int y, int step) const {
-    constexpr float kSpline[3] = {3.0f / 8.0f, 1.0f / 4.0f, 1.0f / 16.0f};
-    // 1 / sqrt(dx^2 + dy^2) by the squared distance.
-    constexpr float kInverse[9] = {0.0f,        1.0f, 0.70710678f, 0.0f,       0.5f,
-                                   0.44721360f, 0.0f, 0.0f,        0.35355339f};
-    const std::size_t at = index(x, y);
-    const Cell& centre = cells_[at];
-    const Guide& guide = guides_[at];
-    const float inverseStep = 1.0f / static_cast<float>(step);
-    const float bright = luminance(centre.light);
-    vec3 light(0.0f);
-    float variance = 0.0f, weights = 0.0f;
-    neighbours(x, y, step, [&](int dx, int dy, std::size_t i) {
-      const Cell& other = cells_[i];
-      float w = kSpline[std::abs(dx)] * kSpline[std::abs(dy)];
-      if (i != at) {
-        float power = 0.0f;
-        float far =
-            guideDistance(guide, guides_[i], inverseStep * kInverse[dx * dx + dy * dy], power);
-        if (!(far < kFar)) return;
-        const float difference = bright - luminance(other.light);
-        const float noise = centre.variance + other.variance;
-        far += difference * difference / (kTolerance * kTolerance * noise + 1e-30f);
-        w *= power * expOfMinus(far);
-      }
-      light += w * other.light;
-      variance += w * w * other.variance;
-      weights += w;
-    });
-    return {light / weights, variance / (weights * weights)};
-  }
-
-  int width_, height_;
-  std::vector<Guide> guides_;
-  std::vector<Cell> cells_, next_;
+  FilterPlanes planes_;
+  hwy::AlignedFreeUniquePtr<float[]> memory_;
+  FilterKernels kernels_ = chooseFilterKernels();
+  bool correction_;
+  int pass_ = kPrepare, row_ = 0;
 };
+
+GuessFilter::Work::Work(const FeatureImage& features, const std::vector<vec3>& radiance,
+                        const std::vector<vec3>& variance, bool correction)
+    : correction_(correction) {
+  planes_.width = static_cast<int>(features.width());
+  planes_.height = static_cast<int>(features.height());
+  planes_.stride = FilterPlanes::strideOf(features.width());
+  const std::size_t plane = planes_.stride * features.height();
+  memory_ = hwy::AllocateAligned<float>(plane * kFilterPlanes);
+  if (!memory_) throw std::bad_alloc();
+  planes_.guides = memory_.get();
+  planes_.cells = planes_.guides + plane * kGuidePlanes;
+  planes_.written = planes_.cells + plane * kCellPlanes;
+  tbb::parallel_for(0, planes_.height, [&](int y) {
+    clearMargins(y);
+    copyRow(features, radiance.data() + index(y), variance.data() + index(y), y);
+  });
+}
+
+/// Until they are prepared, guides are features as they are, with the footprint in kSlope, and the
+/// light of `written` is the variance.
+void GuessFilter::Work::copyRow(const FeatureImage& features, const vec3* radiance,
+                                const vec3* variance, int y) {
+  const std::size_t stride = planes_.stride;
+  float *guides = planes_.guideRow(y), *cells = planes_.cellRow(y),
+        *written = planes_.writtenRow(y);
+  for (int x = 0; x < planes_.width; ++x) {
+    const Feature& f = features.mean(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
+    putThree(f.normal, guides + kNormal * stride + x, stride);
+    putThree(f.position, guides + kPosition * stride + x, stride);
+    guides[kSlope * stride + static_cast<std::size_t>(x)] = f.footprint;
+    putThree(f.albedo, guides + kAlbedo * stride + x, stride);
+    putThree(radiance[x], cells + kLight * stride + x, stride);
+    putThree(variance[x], written + kLight * stride + x, stride);
+  }
+}
+
+void GuessFilter::Work::clearMargins(int y) {
+  const auto clear = [&](float* pixels, float value) {
+    std::fill(pixels - FilterPlanes::kMargin, pixels, value);
+    std::fill(pixels + planes_.width, pixels - FilterPlanes::kMargin + planes_.stride, value);
+  };
+  for (std::size_t p = 0; p < kGuidePlanes; ++p) {
+    clear(planes_.guideRow(y) + p * planes_.stride, p == kLength ? FilterPlanes::kOutside : 0.0f);
+  }
+  for (std::size_t p = 0; p < kCellPlanes; ++p) {
+    clear(planes_.cellRow(y) + p * planes_.stride, 0.0f);
+    clear(planes_.writtenRow(y) + p * planes_.stride, 0.0f);
+  }
+}
+
+void GuessFilter::Work::prepareRow(int y) {
+  const std::size_t stride = planes_.stride;
+  for (int x = 0; x < planes_.width; ++x) {
+    float *guide = planes_.guideRow(y) + x, *cell = planes_.cellRow(y) + x;
+    const vec3 normal = getThree(guide + kNormal * stride, stride);
+    const float length = glm::length(normal);
+    if (length > 0.0f) putThree(normal / length, guide + kNormal * stride, stride);
+    guide[kLength * stride] = length;
+    float& slope = guide[kSlope * stride];
+    slope = length / (kPlaneTolerance * slope + 1e-30f);
+    const vec3 albedo = glm::max(getThree(guide + kAlbedo * stride, stride), vec3(kLeastAlbedo));
+    putThree(albedo, guide + kAlbedo * stride, stride);
+
+    const vec3 light = getThree(cell + kLight * stride, stride) / albedo;
+    putThree(light, cell + kLight * stride, stride);
+    cell[kBright * stride] = luminance(light);
+    const vec3 variance = getThree(planes_.writtenRow(y) + x + kLight * stride, stride);
+    cell[kVariance * stride] = luminance(variance / (albedo * albedo));
+  }
+}
+
+void GuessFilter::Work::finishRow(int y) {
+  const std::size_t stride = planes_.stride;
+  for (int x = 0; x < planes_.width; ++x) {
+    const float *guide = planes_.guideRow(y) + x, *cell = planes_.cellRow(y) + x;
+    vec3& v = out[index(y) + static_cast<std::size_t>(x)];
+    v = getThree(cell + kLight * stride, stride) * getThree(guide + kAlbedo * stride, stride);
+    if (!correction_) continue;
+    const float value = cell[kBright * stride];
+    const float square = value * value;
+    v *= square > 0.0f ? square / (square + kDoubt * cell[kVariance * stride]) : 0.0f;
+  }
+}
+
+void GuessFilter::Work::passRow(int y) {
+  switch (pass_) {
+    case kPrepare:
+      return prepareRow(y);
+    case kSmooth:
+      return kernels_.smoothVariance(planes_, y);
+    case kFinish:
+      return finishRow(y);
+    default:
+      return kernels_.gather(planes_, y, step());
+  }
+}
+
+void GuessFilter::Work::band() {
+  if (pass_ == kFinish && row_ == 0) out.resize(index(planes_.height));
+  const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
+  const std::size_t rows = std::max<std::size_t>(kBandPixels / planes_.stride, 1) * threads;
+  const int end = static_cast<int>(
+      std::min(static_cast<std::size_t>(row_) + rows, static_cast<std::size_t>(planes_.height)));
+  tbb::parallel_for(row_, end, [&](int k) { passRow(rowInOrder(k, planes_.height, step())); });
+  row_ = end;
+  if (row_ < planes_.height) return;
+  if (pass_ >= kSmooth && pass_ < kFinish) std::swap(planes_.cells, planes_.written);
+  ++pass_;
+  row_ = 0;
+}
+
+GuessFilter::GuessFilter(const FeatureImage& features, const std::vector<vec3>& radiance,
+                         const std::vector<vec3>& variance, bool correction)
+    : work_(std::make_unique<Work>(features, radiance, variance, correction)) {}
+GuessFilter::GuessFilter(GuessFilter&& other) noexcept = default;
+GuessFilter& GuessFilter::operator=(GuessFilter&& other) noexcept = default;
+GuessFilter::~GuessFilter() = default;
+
+bool GuessFilter::advance(const std::function<bool()>& keepGoing) {
+  while (!work_->done()) {
+    work_->band();
+    if (!work_->done() && !keepGoing()) return false;
+  }
+  return true;
+}
+
+std::vector<vec3> GuessFilter::result() {
+  assert(work_->done());
+  return std::move(work_->out);
+}
+
+std::uint64_t GuessFilter::bytesNeeded(std::uint32_t width, std::uint32_t height) {
+  const std::uint64_t floats = FilterPlanes::strideOf(width) * kFilterPlanes;
+  return (floats * sizeof(float) + width * sizeof(vec3)) * height;
+}
+
+namespace {
+
+std::vector<vec3> inOneGo(GuessFilter filter) {
+  filter.advance([] { return true; });
+  return filter.result();
+}
 
 }  // namespace
 
 std::vector<vec3> denoiseGuess(const FeatureImage& features, const std::vector<vec3>& radiance,
                                const std::vector<vec3>& variance) {
-  return Filter(features, radiance, variance).run(false);
+  return inOneGo({features, radiance, variance, false});
 }
 
 std::vector<vec3> denoiseCorrection(const FeatureImage& features,
                                     const std::vector<vec3>& difference,
                                     const std::vector<vec3>& variance) {
-  return Filter(features, difference, variance).run(true);
+  return inOneGo({features, difference, variance, true});
 }
 
 }  // namespace trex

@@ -8,14 +8,45 @@
 // Iglesias-Guitian, Moon, SIGGRAPH Asia 2022].
 #pragma once
 
+#include <cstdint>
+#include <functional>
+#include <memory>
 #include <vector>
 
 #include "src/frame/features.h"
 
 namespace trex {
 
-/// Filters `radiance` (row by row, width * height of the features) given the variance of each
-/// pixel's mean. Non-finite input must not occur. Uses the calling oneTBB arena; deterministic.
+/// One filter under way. The result has the same bits on every instruction set, for any number of
+/// threads, and wherever it was interrupted. One thread at a time may call; the work is done in its
+/// oneTBB arena.
+class GuessFilter {
+ public:
+  /// Copies what it needs. `radiance` and `variance` (of each pixel's mean, not negative) go row by
+  /// row, width * height of the features; non-finite input must not occur. What the two functions
+  /// below do apart from each other is told by `correction`.
+  GuessFilter(const FeatureImage& features, const std::vector<vec3>& radiance,
+              const std::vector<vec3>& variance, bool correction);
+  GuessFilter(GuessFilter&& other) noexcept;
+  GuessFilter& operator=(GuessFilter&& other) noexcept;
+  ~GuessFilter();
+
+  /// Works until all is done or keepGoing() says no, which is asked from the calling thread after
+  /// about every millisecond of work: each call comes nearer to the end. True once all is done.
+  bool advance(const std::function<bool()>& keepGoing);
+
+  /// The filtered picture, row by row. Once, after advance() has returned true.
+  std::vector<vec3> result();
+
+  /// Of one filter, with its result.
+  static std::uint64_t bytesNeeded(std::uint32_t width, std::uint32_t height);
+
+ private:
+  struct Work;
+  std::unique_ptr<Work> work_;
+};
+
+/// Filters `radiance` in one go.
 std::vector<vec3> denoiseGuess(const FeatureImage& features, const std::vector<vec3>& radiance,
                                const std::vector<vec3>& variance);
 

@@ -43,6 +43,7 @@ class FeatureImage {
     mean.position += (f.position - mean.position) * weight;
     mean.footprint += (f.footprint - mean.footprint) * weight;
   }
+  void restart(std::uint32_t x, std::uint32_t y) { pixels_[std::size_t{y} * width_ + x] = {}; }
   /// Means of a pixel; the normal is not made unit again.
   const Feature& mean(std::uint32_t x, std::uint32_t y) const {
     return pixels_[std::size_t{y} * width_ + x].mean;

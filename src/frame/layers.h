@@ -25,6 +25,7 @@ struct PictureLayers {
   bool materialId = false;  ///< materialId: likewise
   bool sampleCount = false;  ///< sampleCount
   bool variance = false;     ///< variance.R .G .B: of the mean, before any filter
+  bool rayClass = false;     ///< rays by class, for the screen alone: in no file
 
   bool needsFeatures() const { return albedo || normal || position; }
   bool needsSplit() const { return direct || indirect; }
@@ -60,6 +61,7 @@ class DirectImage {
     if (p.pairs > 0.0) mean += p.difference / p.pairs;
     return mean;
   }
+  void restart(std::uint32_t x, std::uint32_t y) { pixels_[std::size_t{y} * width_ + x] = {}; }
   static constexpr std::uint64_t kBytesAPixel = 8 * sizeof(double);
   std::span<std::byte> bytes() { return std::as_writable_bytes(std::span(pixels_)); }
 
@@ -91,6 +93,7 @@ class FirstHitImage {
   const FirstHit& at(std::uint32_t x, std::uint32_t y) const {
     return pixels_[std::size_t{y} * width_ + x].hit;
   }
+  void restart(std::uint32_t x, std::uint32_t y) { pixels_[std::size_t{y} * width_ + x] = {}; }
   static constexpr std::uint64_t kBytesAPixel = 4 * sizeof(float);
   std::span<std::byte> bytes() { return std::as_writable_bytes(std::span(pixels_)); }
 
@@ -101,6 +104,26 @@ class FirstHitImage {
   };
   std::uint32_t width_;
   std::vector<Pixel> pixels_;
+};
+
+/// Rays that the samples of each pixel took, by class.
+class RayClassImage {
+ public:
+  RayClassImage(std::uint32_t width, std::uint32_t height)
+      : width_(width), pixels_(std::size_t{width} * height) {}
+  void add(std::uint32_t x, std::uint32_t y, float exact, float guessed) {
+    vec2& p = pixels_[std::size_t{y} * width_ + x];
+    p += vec2(exact, guessed);
+  }
+  void restart(std::uint32_t x, std::uint32_t y) {
+    pixels_[std::size_t{y} * width_ + x] = vec2(0.0f);
+  }
+  /// C-rays and G-rays (cones and reads of cached light) so far.
+  vec2 at(std::uint32_t x, std::uint32_t y) const { return pixels_[std::size_t{y} * width_ + x]; }
+
+ private:
+  std::uint32_t width_;
+  std::vector<vec2> pixels_;
 };
 
 }  // namespace trex

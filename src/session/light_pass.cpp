@@ -11,7 +11,7 @@ namespace {
 constexpr std::uint64_t kBatch = 1u << 18;  // photons that guides learn from at a time
 /// Guides learn after each batch, so the first ones are small.
 constexpr std::uint64_t kPilotBatch = 1u << 14, kPilotPhotons = 1u << 17;
-constexpr double kChunkSeconds = 0.003;  // between two questions whether to go on
+constexpr double kChunkSeconds = 0.003;           // between two questions whether to go on
 constexpr std::uint64_t kMostPhotons = 1u << 31;  // photon numbers are 32 bits wide
 /// Counts of the largest photon: 2^31 photons x 2^6 deposits x 2^20 counts stay below 2^63.
 constexpr double kLargestCounts = 1u << 20;

@@ -36,6 +36,8 @@ class LightPass {
   std::uint64_t emitted() const { return emitted_; }
   /// Photons that the cached light knows of; 0: none is ready.
   std::uint64_t resolved() const { return resolved_; }
+  /// Whether photons are aimed at a camera.
+  bool guided() const { return !guides_.empty(); }
   std::uint64_t landed() const { return landed_; }
   /// Of the photons from outside, those that landed where aim() found light to be wanted.
   std::uint64_t wanted() const { return wanted_; }
@@ -56,8 +58,8 @@ class LightPass {
   std::uint32_t seed_;
   double scale_ = 1.0, unit_ = 1.0, seconds_ = 0.0;
   std::uint64_t emitted_ = 0, landed_ = 0, wanted_ = 0;
-  std::uint64_t resolved_ = 0;  ///< photons that the cache knows of
-  std::uint64_t chunk_ = 1u << 11;  ///< photons that take some milliseconds here
+  std::uint64_t resolved_ = 0;           ///< photons that the cache knows of
+  std::uint64_t chunk_ = 1u << 11;       ///< photons that take some milliseconds here
   std::vector<LandedPhoton> unlearned_;  ///< of the batch under way
   ImportanceMap importance_;
   std::vector<EmissionGuide> guides_;  ///< by source; none if nothing is to be guided

@@ -43,15 +43,13 @@ Model makeMeshes(Scene scene, const ModelOptions& options) {
   return model;
 }
 
-std::shared_ptr<const asvo::Tree> makeVoxels(const Scene& scene,
-                                             const std::vector<Material>& materials,
-                                             const dvec3& renderOrigin,
-                                             const ModelOptions& options) {
+std::shared_ptr<asvo::Tree> makeVoxels(const Scene& scene, const std::vector<Material>& materials,
+                                       const dvec3& renderOrigin, const ModelOptions& options) {
   asvo::BuildOptions build;
   build.depth = options.voxelDepth;
   build.maxBytes = options.voxelBytes;
   const VoxelSource source(scene, materials, renderOrigin);
-  return std::make_shared<const asvo::Tree>(asvo::Tree::build(source, build));
+  return std::make_shared<asvo::Tree>(asvo::Tree::build(source, build));
 }
 
 Model makeModel(Scene scene, const ModelOptions& options) {

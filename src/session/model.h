@@ -15,7 +15,7 @@ struct Model {
   /// compressed meshes, and the source's arrays would only cost.
   Scene scene;
   std::unique_ptr<RayScene> rays;
-  std::shared_ptr<const asvo::Tree> voxels;  ///< null where every sample is exact
+  std::shared_ptr<asvo::Tree> voxels;  ///< null where every sample is exact
   double meshSeconds = 0.0, voxelSeconds = 0.0;
 };
 
@@ -34,10 +34,8 @@ Model makeModel(Scene scene, const ModelOptions& options);
 /// second reads the arrays of `scene`'s meshes, its instances and images, and nothing else that may
 /// change meanwhile: materials are those given here.
 Model makeMeshes(Scene scene, const ModelOptions& options);
-std::shared_ptr<const asvo::Tree> makeVoxels(const Scene& scene,
-                                             const std::vector<Material>& materials,
-                                             const dvec3& renderOrigin,
-                                             const ModelOptions& options);
+std::shared_ptr<asvo::Tree> makeVoxels(const Scene& scene, const std::vector<Material>& materials,
+                                       const dvec3& renderOrigin, const ModelOptions& options);
 /// Frees what only building needs of a scene's meshes.
 void freeSourceArrays(Scene& scene);
 

@@ -93,11 +93,6 @@ Invalidation ModelEditor::apply(const Look& look) {
         Visibility(look, scene.objects.size(), model_->rays->renderOrigin()));
   }
   if (invalid.lights) showEmitters();
-  // What the file shows needs no building.
-  if (hasSourceVoxels() && shapeOf(look) == sourceShape_ && !(shape_ == sourceShape_)) {
-    shape_ = sourceShape_;
-    values_.reset();
-  }
   return invalid;
 }
 
@@ -125,7 +120,7 @@ const std::vector<Mesh>& ModelEditor::emittersOf(std::uint32_t material) {
   return emitters_[material] = EmitterDecoder(*model_, material).run();
 }
 
-void ModelEditor::setSourceVoxels(std::shared_ptr<const asvo::Tree> tree) {
+void ModelEditor::setSourceVoxels(std::shared_ptr<asvo::Tree> tree) {
   model_->voxels = tree;
   shape_ = sourceShape_;
   values_.reset();
@@ -149,27 +144,32 @@ std::vector<Material> ModelEditor::materialsOf(const Shape& shape) const {
 
 ModelEditor::VoxelJob ModelEditor::voxelJob() const {
   Shape shape = shapeOf(look_);
+  if (shape == sourceShape_)
+    return {std::move(shape), [tree = sourceValues_->tree()] { return tree; }};
   const auto source = std::make_shared<const MeshVoxelSource>(*model_->rays, model_->scene,
                                                               materialsOf(shape), shape.visibility);
   return {std::move(shape), [source, options = options_] {
             asvo::BuildOptions build;
             build.depth = options.voxelDepth;
             build.maxBytes = options.voxelBytes;
-            return std::make_shared<const asvo::Tree>(asvo::Tree::build(*source, build));
+            return std::make_shared<asvo::Tree>(asvo::Tree::build(*source, build));
           }};
 }
 
-bool ModelEditor::takeVoxels(std::shared_ptr<const asvo::Tree> tree, const Shape& shape) {
+bool ModelEditor::takeVoxels(std::shared_ptr<asvo::Tree> tree, const Shape& shape) {
   if (!(shape == shapeOf(look_))) return false;
   shape_ = shape;
   model_->voxels = tree;
-  values_ = std::make_unique<VoxelValues>(std::move(tree), materialsOf(shape));
+  values_.reset();
+  if (tree != sourceValues_->tree()) {
+    values_ = std::make_unique<VoxelValues>(std::move(tree), materialsOf(shape));
+  }
   return true;
 }
 
 void ModelEditor::updateVoxelValues() {
   VoxelValues* values = values_ ? values_.get() : sourceValues_.get();
-  if (values) model_->voxels = values->with(look_.materials, model_->scene.images);
+  if (values) values->update(look_.materials, model_->scene.images);
 }
 
 void ModelEditor::finishVoxels() {

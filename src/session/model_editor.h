@@ -35,7 +35,7 @@ class ModelEditor {
   Invalidation apply(const Look& look);
 
   /// The model's own voxels have come (built after the meshes).
-  void setSourceVoxels(std::shared_ptr<const asvo::Tree> tree);
+  void setSourceVoxels(std::shared_ptr<asvo::Tree> tree);
   bool hasSourceVoxels() const { return sourceValues_ != nullptr; }
   /// Whether Model::voxels are of another shape than the look asks for.
   bool voxelsOutdated() const { return hasSourceVoxels() && !(shapeOf(look_) == shape_); }
@@ -49,12 +49,12 @@ class ModelEditor {
   /// must outlive it.
   struct VoxelJob {
     Shape shape;
-    std::function<std::shared_ptr<const asvo::Tree>()> build;
+    std::function<std::shared_ptr<asvo::Tree>()> build;
   };
   /// The voxels that the look asks for.
   VoxelJob voxelJob() const;
   /// Takes what a job built. False, and nothing, if the look asks for another shape by now.
-  bool takeVoxels(std::shared_ptr<const asvo::Tree> tree, const Shape& shape);
+  bool takeVoxels(std::shared_ptr<asvo::Tree> tree, const Shape& shape);
   /// Brings the values of Model::voxels up to the look's materials. Not while rays are traced.
   void updateVoxelValues();
   /// All of the above at once, for captures.

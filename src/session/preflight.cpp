@@ -7,6 +7,7 @@
 #include "src/core/log.h"
 #include "src/core/memory.h"
 #include "src/frame/accumulator.h"
+#include "src/frame/denoise.h"
 #include "src/frame/features.h"
 #include "src/scene/import.h"
 
@@ -34,7 +35,7 @@ std::uint64_t frameBytes(const RenderSettings& s, const PictureLayers& layers) {
   if (filter || layers.needsFeatures()) bytes += FeatureImage::bytesNeeded(s.width, s.height);
   if (layers.needsSplit()) bytes += pixels * DirectImage::kBytesAPixel;
   if (layers.needsFirstHit()) bytes += pixels * FirstHitImage::kBytesAPixel;
-  if (filter) bytes += pixels * 96;  // guides and light, twice
+  if (filter) bytes += GuessFilter::bytesNeeded(s.width, s.height);
   // The picture, and what its file's writer holds of it.
   return bytes + pixels * (3 + layers.channels()) * sizeof(float) * 2 + pixels * 2 * sizeof(vec3);
 }

@@ -2,7 +2,10 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
+
+#include "src/scene/scene.h"
 
 namespace trex {
 
@@ -26,6 +29,9 @@ struct RenderSettings {
   int device = kBestDevice;  ///< number of a Vulkan device, or one of the above
   GuessKind guess = GuessKind::kAuto;
   bool denoise = false;            ///< filter the guess and its correction; only with exact < 1
+  bool interactive = false;        ///< driven by step(), see session.h
+  std::uint64_t photons = 0;       ///< at least so many before the first sample
+  std::optional<Camera> aim;       ///< where photons from outside are aimed; none: the camera
   std::uint64_t maxMemory = 0;     ///< bytes this process may use; 0: what the machine has
   std::uint64_t maxGpuMemory = 0;  ///< bytes of device memory; 0: what the device has
 };

@@ -94,10 +94,11 @@ asvo::Shade VoxelSource::shade(const asvo::Triangle& triangle, float u, float v)
   return voxelShade(m, scene_.images, uv, color);
 }
 
-std::vector<shaderio::PhotonMaterial> photonMaterials(const Scene& scene) {
+std::vector<shaderio::PhotonMaterial> photonMaterials(const std::vector<Material>& materials,
+                                                      const std::vector<Image>& images) {
   std::vector<shaderio::PhotonMaterial> out;
-  for (const Material& m : scene.materials) {
-    const vec3 color = vec3(m.baseColor) * meanColor(scene.images, m.baseColorTexture);
+  for (const Material& m : materials) {
+    const vec3 color = vec3(m.baseColor) * meanColor(images, m.baseColorTexture);
     const glm::uvec3 bytes(glm::clamp(color, 0.0f, 1.0f) * 255.0f + 0.5f);
     out.push_back({m.unlit ? 0.0f : m.metallic, m.roughness,
                    bytes.x | (bytes.y << 8) | (bytes.z << 16) | 0xff000000u, 0u});

@@ -43,6 +43,7 @@ asvo::Shade voxelShade(const Material& material, const std::vector<Image>& image
                        const vec3& vertexColor);
 
 /// What photons need to know of each material when they meet a voxel.
-std::vector<shaderio::PhotonMaterial> photonMaterials(const Scene& scene);
+std::vector<shaderio::PhotonMaterial> photonMaterials(const std::vector<Material>& materials,
+                                                      const std::vector<Image>& images);
 
 }  // namespace trex

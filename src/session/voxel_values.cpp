@@ -46,13 +46,13 @@ vec3 movedEmission(const vec3& emission, const Material& before, const Material&
 
 }  // namespace
 
-VoxelValues::VoxelValues(std::shared_ptr<const asvo::Tree> tree, std::vector<Material> materials)
-    : source_(std::move(tree)), built_(std::move(materials)), shown_(built_) {}
+VoxelValues::VoxelValues(std::shared_ptr<asvo::Tree> tree, std::vector<Material> materials)
+    : tree_(std::move(tree)), built_(std::move(materials)), shown_(built_) {}
 
 void VoxelValues::index() {
-  const std::size_t count = source_->nodes.size(), materials = built_.size();
+  const std::size_t count = tree_->nodes.size(), materials = built_.size();
   const auto materialOf = [&](std::size_t i) {
-    return std::min<std::size_t>(source_->voxels[2 * i].y >> 16, materials - 1);
+    return std::min<std::size_t>(source_[2 * i].y >> 16, materials - 1);
   };
   firsts_.assign(materials + 1, 0);
   for (std::size_t i = 0; i < count; ++i) ++firsts_[materialOf(i) + 1];
@@ -64,31 +64,29 @@ void VoxelValues::index() {
   }
 }
 
-std::shared_ptr<const asvo::Tree> VoxelValues::with(const std::vector<Material>& materials,
-                                                    const std::vector<Image>& images) {
-  if (!edited_ && materials == built_) return source_;
-  if (!edited_) {
-    edited_ = std::make_shared<asvo::Tree>(*source_);
+void VoxelValues::update(const std::vector<Material>& materials, const std::vector<Image>& images) {
+  if (materials == shown_) return;
+  if (source_.empty()) {
+    source_ = tree_->voxels;
     index();
   }
   for (std::uint32_t m = 0; m < materials.size(); ++m) {
     if (materials[m] != shown_[m]) put(m, materials[m], images);
   }
   shown_ = materials;
-  return edited_;
 }
 
 void VoxelValues::put(std::uint32_t material, const Material& now,
                       const std::vector<Image>& images) {
-  const asvo::Tracer tracer(*source_);
+  const asvo::Tracer tracer(*tree_);
   const Material& before = built_[material];
   const vec3 texture = meanColor(images, before.baseColorTexture);
   const vec3 glow = meanColor(images, before.emissiveTexture);
   for (std::uint32_t k = firsts_[material]; k < firsts_[material + 1]; ++k) {
     const std::size_t i = std::size_t{order_[k]} * 2;
-    asvo::uvec4 &surface = edited_->voxels[i], &light = edited_->voxels[i + 1];
-    surface = source_->voxels[i];
-    light = source_->voxels[i + 1];
+    asvo::uvec4 &surface = tree_->voxels[i], &light = tree_->voxels[i + 1];
+    surface = source_[i];
+    light = source_[i + 1];
     if (now == before) continue;
     const vec3 albedo = movedAlbedo(unpackColor(surface.z), before, now, texture);
     surface.z = (surface.z & 0xff000000u) | packColor(albedo);

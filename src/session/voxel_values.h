@@ -15,21 +15,20 @@ namespace trex {
 /// depends on the tree and the materials alone, never on the edits before.
 class VoxelValues {
  public:
-  /// `materials`: those the tree was built with.
-  VoxelValues(std::shared_ptr<const asvo::Tree> tree, std::vector<Material> materials);
+  /// `materials`: those the tree was built with. The tree is edited in place.
+  VoxelValues(std::shared_ptr<asvo::Tree> tree, std::vector<Material> materials);
 
-  /// The tree with the values of these materials: the one it was made of while none differs. Valid
-  /// until the next call, which may change it in place: not while rays are traced.
-  std::shared_ptr<const asvo::Tree> with(const std::vector<Material>& materials,
-                                         const std::vector<Image>& images);
+  const std::shared_ptr<asvo::Tree>& tree() const { return tree_; }
+  /// Gives the voxels the values of these materials. Not while rays are traced.
+  void update(const std::vector<Material>& materials, const std::vector<Image>& images);
 
  private:
   void index();
   void put(std::uint32_t material, const Material& now, const std::vector<Image>& images);
 
-  std::shared_ptr<const asvo::Tree> source_;
+  std::shared_ptr<asvo::Tree> tree_;
   std::vector<Material> built_, shown_;
-  std::shared_ptr<asvo::Tree> edited_;         ///< made by the first edit
+  std::vector<asvo::uvec4> source_;            ///< as built; kept from the first edit on
   std::vector<std::uint32_t> order_, firsts_;  ///< voxels by dominant material
 };
 

@@ -39,7 +39,7 @@ Model modelOf(BundleContents contents) {
   model.scene = std::move(contents.description.scene);
   model.rays = std::make_unique<RayScene>(model.scene, std::move(contents.parts));
   if (contents.voxels) {
-    model.voxels = std::make_shared<const asvo::Tree>(std::move(*contents.voxels));
+    model.voxels = std::make_shared<asvo::Tree>(std::move(*contents.voxels));
   }
   return model;
 }

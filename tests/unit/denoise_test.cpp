@@ -1,9 +1,13 @@
 #include "src/frame/denoise.h"
 
 #include <gtest/gtest.h>
+#include <hwy/targets.h>
 #include <tbb/global_control.h>
 
+#include <cstring>
 #include <random>
+
+#include "tests/unit/scalar_filter.h"
 
 namespace trex {
 namespace {
@@ -91,6 +95,134 @@ TEST(Denoise, IsDeterministicAndHandlesEmptyPixels) {
   const std::vector<vec3> one = denoiseGuess(corner.features, corner.truth, sky);
   const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, 1);
   EXPECT_EQ(denoiseGuess(corner.features, corner.truth, sky), one);
+}
+
+struct Input {
+  FeatureImage features;
+  std::vector<vec3> radiance, variance;
+};
+
+/// Everything a picture may show, pixel by pixel at random: few surfaces, rims where two of them
+/// meet in a mean, places without any, pixels with no variance.
+Input mixed(std::uint32_t width, std::uint32_t height) {
+  Input in{FeatureImage(width, height), {}, {}};
+  std::mt19937 random(width * 131 + height);
+  std::uniform_real_distribution<float> unit(0.0f, 1.0f);
+  for (std::uint32_t y = 0; y < height; ++y) {
+    for (std::uint32_t x = 0; x < width; ++x) {
+      const int samples = unit(random) < 0.2f ? 2 : 1;
+      for (int i = 0; i < samples; ++i) {
+        Feature f;
+        const float kind = unit(random);
+        if (kind > 0.1f) {
+          f.normal = kind > 0.9f ? vec3(1, 0, 0) : glm::normalize(vec3(0.1f * unit(random), 0, 1));
+          f.albedo = vec3(kind < 0.3f ? 0.0f : 0.6f + 0.05f * unit(random));
+          f.position = vec3(0.1f * static_cast<float>(x), 0.1f * static_cast<float>(y),
+                            0.05f * unit(random));
+          f.footprint = kind < 0.12f ? 0.0f : 0.1f;
+        }
+        in.features.add(x, y, f);
+      }
+      in.radiance.emplace_back(unit(random), unit(random), unit(random));
+      in.variance.push_back(vec3(unit(random) < 0.2f ? 0.0f : unit(random)));
+    }
+  }
+  return in;
+}
+
+constexpr glm::uvec2 kSizes[] = {{1, 1}, {1, 70}, {3, 2}, {7, 5}, {641, 3}, {90, 75}};
+
+std::vector<vec3> filtered(const Input& in, bool correction) {
+  return (correction ? denoiseCorrection : denoiseGuess)(in.features, in.radiance, in.variance);
+}
+
+bool sameBits(const std::vector<vec3>& a, const std::vector<vec3>& b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(vec3)) == 0;
+}
+
+TEST(Denoise, IsThatOfThePlainFilter) {
+  for (const glm::uvec2& size : kSizes) {
+    const Input in = mixed(size.x, size.y);
+    for (const bool correction : {false, true}) {
+      const auto got = filtered(in, correction);
+      const auto expected =
+          test::ScalarFilter(in.features, in.radiance, in.variance).run(correction);
+      ASSERT_EQ(got.size(), expected.size());
+      for (std::size_t i = 0; i < got.size(); ++i) {
+        for (int c = 0; c < 3; ++c) {
+          ASSERT_NEAR(got[i][c], expected[i][c], 1e-5f * std::abs(expected[i][c]))
+              << "pixel " << i << " of " << size.x << "x" << size.y;
+        }
+      }
+    }
+  }
+}
+
+TEST(Denoise, HasTheSameBitsOnEveryInstructionSetAndAnyNumberOfThreads) {
+  for (const glm::uvec2& size : kSizes) {
+    const Input in = mixed(size.x, size.y);
+    const std::vector<vec3> expected = filtered(in, true);
+    for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+      hwy::SetSupportedTargetsForTest(target);
+      EXPECT_TRUE(sameBits(filtered(in, true), expected))
+          << hwy::TargetName(target) << " at " << size.x << "x" << size.y;
+    }
+    hwy::SetSupportedTargetsForTest(0);
+    for (const std::size_t threads : {1u, 2u, 5u}) {
+      const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+      EXPECT_TRUE(sameBits(filtered(in, true), expected)) << threads << " threads";
+    }
+  }
+}
+
+TEST(Denoise, GivesTheSameBitsInSlices) {
+  const Input in = mixed(301, 203);
+  const std::vector<vec3> expected = filtered(in, false);
+  for (const int most : {1, 2, 3}) {
+    GuessFilter filter(in.features, in.radiance, in.variance, false);
+    int slices = 1;
+    for (int bands = 0; !filter.advance([&] { return ++bands < most; }); bands = 0) ++slices;
+    EXPECT_GE(slices, 8 / most);  // 8 passes over the picture
+    EXPECT_TRUE(filter.advance([] { return false; })) << "done once and for all";
+    EXPECT_TRUE(sameBits(filter.result(), expected)) << most << " bands a slice";
+  }
+}
+
+TEST(Denoise, KeepsItsOwnCopyOfTheInput) {
+  Input in = mixed(64, 48);
+  const std::vector<vec3> expected = filtered(in, false);
+  GuessFilter first(in.features, in.radiance, in.variance, false);
+  in = mixed(1, 1);
+  GuessFilter moved = std::move(first);
+  while (!moved.advance([] { return false; })) {
+  }
+  EXPECT_TRUE(sameBits(moved.result(), expected));
+}
+
+TEST(Denoise, LeavesAPictureWithoutVarianceAsItIs) {
+  for (const glm::uvec2& size : kSizes) {
+    Input in = mixed(size.x, size.y);
+    in.variance.assign(in.variance.size(), vec3(0.0f));
+    for (const bool correction : {false, true}) {
+      const auto out = filtered(in, correction);
+      for (std::size_t i = 0; i < out.size(); ++i) {
+        EXPECT_NEAR(glm::length(out[i] - in.radiance[i]), 0.0f, 1e-5f);
+      }
+    }
+  }
+}
+
+TEST(Denoise, StaysFiniteWhateverTheLight) {
+  for (const glm::uvec2& size : kSizes) {
+    Input in = mixed(size.x, size.y);
+    for (std::size_t i = 0; i < in.radiance.size(); ++i) {
+      if (i % 3 == 0) in.radiance[i] = vec3(1e8f);
+      if (i % 2 == 0) in.variance[i] = vec3(1e30f);
+    }
+    for (const bool correction : {false, true}) {
+      for (const vec3& v : filtered(in, correction)) ASSERT_TRUE(isFinite(v));
+    }
+  }
 }
 
 }  // namespace

@@ -1,0 +1,48 @@
+// The sums of one picture under way, and how far each tile is.
+#pragma once
+
+#include <memory>
+
+#include "src/frame/accumulator.h"
+#include "src/frame/features.h"
+#include "src/frame/layers.h"
+#include "src/session/scheduler.h"
+
+namespace trex {
+
+/// Beginning anew costs nothing: a pixel's sums are cleared by its first sample, so what a tile
+/// state does not count as sampled must not be read.
+struct FrameBuffers {
+  Accumulator sums;
+  // Null where nobody asks for them.
+  std::unique_ptr<FeatureImage> features;
+  std::unique_ptr<DirectImage> direct;
+  std::unique_ptr<FirstHitImage> firstHits;
+  std::unique_ptr<RayClassImage> rayClasses;
+  TileScheduler tiles;
+
+  FrameBuffers(std::uint32_t width, std::uint32_t height, bool pairs, bool filtered,
+               const PictureLayers& layers, TileScheduler scheduler)
+      : sums(width, height, pairs), tiles(std::move(scheduler)) {
+    if (filtered || layers.needsFeatures()) {
+      features = std::make_unique<FeatureImage>(width, height);
+    }
+    if (layers.needsSplit()) direct = std::make_unique<DirectImage>(width, height);
+    if (layers.needsFirstHit()) firstHits = std::make_unique<FirstHitImage>(width, height);
+    if (layers.rayClass) rayClasses = std::make_unique<RayClassImage>(width, height);
+  }
+
+  void restart() {
+    tiles.restart();
+    sums.restart();
+  }
+  void restart(std::uint32_t x, std::uint32_t y) {
+    sums.restart(x, y);
+    if (features) features->restart(x, y);
+    if (direct) direct->restart(x, y);
+    if (firstHits) firstHits->restart(x, y);
+    if (rayClasses) rayClasses->restart(x, y);
+  }
+};
+
+}  // namespace trex

@@ -1,0 +1,167 @@
+#include "src/session/scheduler.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "src/frame/lattice.h"
+
+namespace trex {
+
+using lattice::kCells;
+
+TileScheduler::TileScheduler(std::vector<Tile> tiles, Order order, std::uint32_t width,
+                             std::uint32_t height)
+    : tiles_(std::move(tiles)),
+      order_(order),
+      width_(static_cast<float>(width)),
+      height_(static_cast<float>(height)),
+      states_(tiles_.size()),
+      closeness_(tiles_.size(), 1.0f),
+      nearest_(tiles_.size()) {
+  std::iota(nearest_.begin(), nearest_.end(), 0u);
+}
+
+void TileScheduler::restart() {
+  for (TileState& s : states_) s = {0, 0, frame_, 1.0f};
+  sweepSample_ = sweepTile_ = coarseNext_ = 0;
+  coarse_ = 1;
+}
+
+void TileScheduler::restore(std::uint32_t samples, std::uint32_t tiles) {
+  for (std::uint32_t i = 0; i < states_.size(); ++i) {
+    states_[i].sample = samples + (i < tiles ? 1 : 0);
+    states_[i].cells = 0;
+  }
+  sweepSample_ = samples;
+  sweepTile_ = tiles;
+}
+
+std::uint32_t TileScheduler::samplesDone() const {
+  if (order_ == Order::kSweep) return sweepSample_;
+  std::uint32_t least = barrier_;
+  for (const TileState& s : states_) least = std::min(least, s.sample);
+  return least;
+}
+
+std::uint32_t TileScheduler::coarseCells() const {
+  std::uint32_t least = kCells;
+  for (const TileState& s : states_) least = std::min(least, s.sample > 0 ? kCells : s.cells);
+  return least;
+}
+
+std::uint32_t TileScheduler::longestWait() const {
+  std::uint32_t longest = 0;
+  for (std::uint32_t i = 0; i < states_.size(); ++i) {
+    if (!waits(i)) longest = std::max(longest, frame_ - states_[i].served);
+  }
+  return longest;
+}
+
+double TileScheduler::meanProgress() const {
+  double sum = 0.0;
+  for (const TileState& s : states_) sum += s.progress();
+  return sum / static_cast<double>(states_.size());
+}
+
+void TileScheduler::beginFrame(vec2 pointer, std::uint32_t unitPixels) {
+  ++frame_;
+  unitPixels_ = unitPixels;
+  const vec2 at(pointer.x * width_, pointer.y * height_);
+  const float diagonal = std::hypot(width_, height_);
+  for (std::size_t i = 0; i < tiles_.size(); ++i) {
+    const Tile& t = tiles_[i];
+    const vec2 centre(static_cast<float>(t.x) + 0.5f * static_cast<float>(t.width),
+                      static_cast<float>(t.y) + 0.5f * static_cast<float>(t.height));
+    closeness_[i] = 0.1f + 0.9f * std::exp(-5.0f * glm::length(centre - at) / diagonal);
+  }
+  std::stable_sort(nearest_.begin(), nearest_.end(),
+                   [&](std::uint32_t a, std::uint32_t b) { return closeness_[a] > closeness_[b]; });
+  // Twice what keeps the promise: a frame may end before its share is done.
+  coarseNext_ = 0;
+  const auto count = static_cast<std::uint32_t>(tiles_.size());
+  starvedLeft_ = 2 * ((count + kMostFrames - 1) / kMostFrames);
+}
+
+std::optional<TileUnit> TileScheduler::next() {
+  if (order_ == Order::kSweep) return nextOfSweep();
+  if (auto unit = nextCoarse()) return unit;
+  if (auto unit = nextStarved()) return unit;
+  return nextBest();
+}
+
+std::optional<TileUnit> TileScheduler::nextOfSweep() {
+  if (sweepSample_ >= barrier_) return {};
+  const TileUnit unit = take(sweepTile_, kCells);
+  if (++sweepTile_ == tiles_.size()) {
+    sweepTile_ = 0;
+    ++sweepSample_;
+  }
+  return unit;
+}
+
+TileUnit TileScheduler::take(std::uint32_t tile, std::uint32_t endCell) {
+  TileState& s = states_[tile];
+  const TileUnit unit{tile, s.sample, s.cells, endCell};
+  s.cells = endCell;
+  s.served = frame_;
+  if (s.cells == kCells) {
+    s.cells = 0;
+    ++s.sample;
+  }
+  return unit;
+}
+
+/// Levels of the coarse frame, each of every tile before the next.
+std::optional<TileUnit> TileScheduler::nextCoarse() {
+  if (barrier_ == 0) return {};
+  for (; coarse_ <= 16; coarse_ = lattice::nextLevel(coarse_), coarseNext_ = 0) {
+    for (; coarseNext_ < nearest_.size(); ++coarseNext_) {
+      const std::uint32_t i = nearest_[coarseNext_];
+      if (states_[i].sample == 0 && states_[i].cells < coarse_) return take(i, coarse_);
+    }
+  }
+  return {};
+}
+
+std::optional<TileUnit> TileScheduler::nextStarved() {
+  if (starvedLeft_ == 0) return {};
+  --starvedLeft_;
+  std::optional<std::uint32_t> oldest;
+  for (std::uint32_t i = 0; i < states_.size(); ++i) {
+    if (waits(i) || states_[i].served == frame_) continue;
+    if (!oldest || states_[i].served < states_[*oldest].served) oldest = i;
+  }
+  if (!oldest) return {};
+  return take(*oldest, unitEnd(*oldest));
+}
+
+std::optional<TileUnit> TileScheduler::nextBest() {
+  std::optional<std::uint32_t> best;
+  double most = -1.0;
+  for (std::uint32_t i = 0; i < states_.size(); ++i) {
+    if (waits(i)) continue;
+    const double g = gain(i);
+    if (g <= most) continue;
+    most = g;
+    best = i;
+  }
+  if (!best) return {};
+  return take(*best, unitEnd(*best));
+}
+
+/// What one more sample takes off the tile's error, weighed by how near the viewer looks.
+double TileScheduler::gain(std::uint32_t tile) const {
+  const TileState& s = states_[tile];
+  const double n = s.progress() + 0.5;
+  return (s.error + 1e-6) * closeness_[tile] / n;
+}
+
+std::uint32_t TileScheduler::unitEnd(std::uint32_t tile) const {
+  const Tile& t = tiles_[tile];
+  const std::uint32_t pixels = t.width * t.height;
+  const std::uint32_t cells = std::max(1u, unitPixels_ * kCells / std::max(pixels, 1u));
+  return std::min(kCells, states_[tile].cells + cells);
+}
+
+}  // namespace trex

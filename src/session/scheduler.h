@@ -1,0 +1,92 @@
+// Which pixels get their next sample: plain data from plain data, no rays and no clocks.
+//
+//   kSweep       captures: every tile one more sample, from the centre outwards
+//   kPerception  the viewer: first a coarse frame of every tile (1, 4, 16 cells of the lattice of
+//                frame/lattice.h), then the tile where one more sample gains most: near the
+//                pointer, noisy or rich in contrast, with few samples. A share of each frame goes
+//                to the tiles served longest ago, so that none waits longer than kMostFrames.
+//
+// No tile passes the barrier before all have reached it: the light may change there.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "src/core/maths.h"
+#include "src/frame/tiles.h"
+
+namespace trex {
+
+/// Cells [firstCell, endCell) of a tile get sample number `sample`.
+struct TileUnit {
+  std::uint32_t tile = 0, sample = 0, firstCell = 0, endCell = 0;
+};
+
+/// What a tile has so far: `sample` whole samples and `cells` cells of the next one.
+struct TileState {
+  std::uint32_t sample = 0, cells = 0;
+  std::uint32_t served = 0;  ///< frame in which it last got anything
+  float error = 1.0f;        ///< of noise and contrast as it is now, relative
+  double progress() const { return sample + cells / 64.0; }
+};
+
+class TileScheduler {
+ public:
+  enum class Order : std::uint8_t { kSweep, kPerception };
+  static constexpr std::uint32_t kMostFrames = 16;
+
+  /// `tiles` in the order of a sweep.
+  TileScheduler(std::vector<Tile> tiles, Order order, std::uint32_t width, std::uint32_t height);
+
+  /// Every tile starts anew.
+  void restart();
+  /// Goes on with a sweep: `samples` whole samples of all tiles and one more of the first `tiles`.
+  void restore(std::uint32_t samples, std::uint32_t tiles);
+  /// No tile gets this sample or a later one.
+  void setBarrier(std::uint32_t sample) { barrier_ = sample; }
+
+  /// A frame of the screen begins: tiles near `pointer` (share of width and height) come first, and
+  /// a unit has about `unitPixels` pixels.
+  void beginFrame(vec2 pointer, std::uint32_t unitPixels);
+  /// What to do next; it counts as done. Nothing if every tile stands at the barrier.
+  std::optional<TileUnit> next();
+  void setError(std::uint32_t tile, float error) { states_[tile].error = error; }
+
+  const std::vector<Tile>& tiles() const { return tiles_; }
+  const TileState& state(std::uint32_t tile) const { return states_[tile]; }
+  /// Samples that every tile has whole.
+  std::uint32_t samplesDone() const;
+  /// Tiles of a sweep that have one more.
+  std::uint32_t tilesDone() const { return sweepTile_; }
+  /// Cells of the first sample that every tile has; 64 once all have it whole.
+  std::uint32_t coarseCells() const;
+  bool atBarrier() const { return samplesDone() >= barrier_; }
+  /// Frames since the tile that has waited longest was served, of those not at the barrier.
+  std::uint32_t longestWait() const;
+  /// Mean number of samples a tile has.
+  double meanProgress() const;
+
+ private:
+  TileUnit take(std::uint32_t tile, std::uint32_t endCell);
+  std::optional<TileUnit> nextOfSweep();
+  std::optional<TileUnit> nextCoarse();
+  std::optional<TileUnit> nextStarved();
+  std::optional<TileUnit> nextBest();
+  double gain(std::uint32_t tile) const;
+  std::uint32_t unitEnd(std::uint32_t tile) const;
+  bool waits(std::uint32_t tile) const { return states_[tile].sample >= barrier_; }
+
+  std::vector<Tile> tiles_;
+  Order order_;
+  float width_, height_;
+  std::vector<TileState> states_;
+  std::vector<float> closeness_;        ///< to the pointer, by tile, (0, 1]
+  std::vector<std::uint32_t> nearest_;  ///< tiles, those near the pointer first
+  std::uint32_t barrier_ = 0xffffffffu;
+  std::uint32_t sweepSample_ = 0, sweepTile_ = 0;  ///< of a sweep: what comes next
+  std::uint32_t coarse_ = 1, coarseNext_ = 0;      ///< level under way, place in nearest_
+  std::uint32_t frame_ = 0, starvedLeft_ = 0, unitPixels_ = 4096;
+};
+
+}  // namespace trex

@@ -1,0 +1,138 @@
+// What comes out of a session: pictures, reports, checkpoints.
+#include <algorithm>
+#include <chrono>
+
+#include "src/session/checkpoint.h"
+#include "src/session/light_side.h"
+
+namespace trex {
+/// The frame as a screen or a file shows it.
+std::vector<vec3> Session::shown() {
+  const double mark = secondsNow();
+  ShownPicture picture(*frame_, settings_.width, settings_.height, shownOptions());
+  picture.advance([] { return true; });
+  report_.filterSeconds = settings_.denoise ? secondsNow() - mark : 0.0;
+  return picture.take();
+}
+
+ShownOptions Session::shownOptions() const {
+  return {settings_.denoise, settings_.exact > 0.0 && settings_.exact < 1.0, 1};
+}
+
+Picture Session::picture() {
+  Picture picture;
+  picture.width = settings_.width;
+  picture.height = settings_.height;
+  picture.channels = {"R", "G", "B"};
+  const auto put = [&](const std::string& layer, const char* names) {
+    for (const char* n = names; *n; ++n) picture.channels.push_back(layer + '.' + *n);
+  };
+  if (layers_.direct) put("direct", "RGB");
+  if (layers_.indirect) put("indirect", "RGB");
+  if (layers_.albedo) put("albedo", "RGB");
+  if (layers_.normal) put("normal", "XYZ");
+  if (layers_.position) put("position", "XYZ");
+  if (layers_.depth) picture.channels.emplace_back("depth");
+  if (layers_.objectId) picture.channels.emplace_back("objectId");
+  if (layers_.materialId) picture.channels.emplace_back("materialId");
+  if (layers_.sampleCount) picture.channels.emplace_back("sampleCount");
+  if (layers_.variance) put("variance", "RGB");
+  std::vector<float>& values = picture.values;
+  values.reserve(picture.channels.size() * settings_.width * settings_.height);
+  const std::vector<vec3> colors = shown();
+  for (std::uint32_t y = 0; y < settings_.height; ++y) {
+    for (std::uint32_t x = 0; x < settings_.width; ++x) {
+      const vec3& color = colors[std::size_t{y} * settings_.width + x];
+      values.insert(values.end(), {color.x, color.y, color.z});
+      addLayers(x, y, values);
+    }
+  }
+  return picture;
+}
+
+/// The values of a pixel's layers, in the order of their channels.
+void Session::addLayers(std::uint32_t x, std::uint32_t y, std::vector<float>& values) const {
+  const auto add = [&](const vec3& v) { values.insert(values.end(), {v.x, v.y, v.z}); };
+  if (layers_.needsSplit()) {
+    const dvec3 direct = frame_->direct->mean(x, y);
+    if (layers_.direct) add(vec3(direct));
+    if (layers_.indirect) add(vec3(frame_->sums.mean(x, y) - direct));
+  }
+  if (layers_.needsFeatures()) {
+    const Feature& f = frame_->features->mean(x, y);
+    if (layers_.albedo) add(f.albedo);
+    if (layers_.normal) add(f.normal);
+    if (layers_.position) add(f.position);
+  }
+  if (layers_.needsFirstHit()) {
+    const FirstHit& hit = frame_->firstHits->at(x, y);
+    if (layers_.depth) values.push_back(hit.depth);
+    if (layers_.objectId) values.push_back(hit.object);
+    if (layers_.materialId) values.push_back(hit.material);
+  }
+  if (layers_.sampleCount) values.push_back(static_cast<float>(frame_->sums.samples(x, y)));
+  if (layers_.variance) add(vec3(frame_->sums.varianceOfMean(x, y)));
+}
+
+SessionReport Session::report() const {
+  SessionReport out = report_;
+  out.samplesDone = samplesDone();
+  if (const LightSide* side = nextLight(); side != nullptr && side->pass) {
+    out.photons = side->pass->emitted();
+    out.photonsLanded = side->pass->landed();
+    out.photonSeconds = side->pass->seconds();
+    out.lightScale = side->pass->scale();
+    out.deviceBytes = side->device->statistics().deviceBytes;
+  }
+  out.estimatedError = out.samplesDone < 2 ? -1.0 : frame_->sums.estimatedError();
+  out.nonFinite = frame_->sums.nonFiniteCount();
+  return out;
+}
+
+/// All that grows with the samples.
+std::vector<std::span<std::byte>> Session::state() {
+  std::vector<std::span<std::byte>> parts{frame_->sums.guessBytes(),
+                                          frame_->sums.differenceBytes()};
+  if (frame_->features) parts.push_back(frame_->features->bytes());
+  if (frame_->direct) parts.push_back(frame_->direct->bytes());
+  if (frame_->firstHits) parts.push_back(frame_->firstHits->bytes());
+  return parts;
+}
+
+void Session::saveCheckpoint(const std::filesystem::path& path, std::uint64_t key,
+                             std::uint32_t frame) {
+  CheckpointHeader header;
+  header.key = key;
+  header.frame = frame;
+  header.samplesDone = samplesDone();
+  header.tilesDone = frame_->tiles.tilesDone();
+  header.errorCheck = errorCheck_;
+  header.renderSeconds = report_.renderSeconds;
+  header.error = error_;
+  header.rays = report_.rays;
+  header.nonFinite = frame_->sums.nonFiniteCount();
+  header.nonFiniteSamples = frame_->sums.nonFiniteSamples();
+  writeCheckpoint(path, header, state());
+}
+
+void Session::restoreCheckpoint(CheckpointReader& reader) {
+  reader.read(state());
+  const CheckpointHeader& header = reader.header();
+  if (header.tilesDone > frame_->tiles.tiles().size())
+    reader.refuse("more tiles than the frame has");
+  report_.renderSeconds = header.renderSeconds;
+  report_.rays = header.rays;
+  frame_->tiles.restore(header.samplesDone, header.tilesDone);
+  errorCheck_ = header.errorCheck;
+  error_ = header.error;
+  frame_->sums.restoreNonFinite(header.nonFinite, header.nonFiniteSamples);
+  if (!light_) return;
+  // Photons are traced again; their light depends on their number alone.
+  const std::uint32_t passes = header.samplesDone + (header.tilesDone > 0 ? 1 : 0);
+  if (passes == 0) return;
+  const std::uint64_t pixels = std::uint64_t{settings_.width} * settings_.height;
+  light_->pass->run(std::max(photonTarget(passes - 1, pixels), settings_.photons),
+                    [] { return true; });
+}
+
+}  // namespace trex

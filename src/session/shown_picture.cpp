@@ -1,0 +1,126 @@
+#include "src/session/shown_picture.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+
+namespace trex {
+namespace {
+
+constexpr std::uint64_t kPairsThatTell = 2;  // a pixel, from which on there is a variance
+
+/// Calls value(x, y) for every pixel of the lattice, in parallel by rows.
+template <typename Value>
+std::vector<vec3> collect(std::uint32_t width, std::uint32_t height, std::uint32_t step,
+                          const Value& value) {
+  const std::uint32_t columns = (width + step - 1) / step, rows = (height + step - 1) / step;
+  std::vector<vec3> out(std::size_t{columns} * rows);
+  tbb::parallel_for(0u, rows, [&](std::uint32_t row) {
+    for (std::uint32_t column = 0; column < columns; ++column) {
+      out[std::size_t{row} * columns + column] = vec3(value(column * step, row * step));
+    }
+  });
+  return out;
+}
+
+/// Of single samples nothing is known but how they differ from their neighbours.
+std::vector<vec3> spreadAround(const std::vector<vec3>& picture, std::uint32_t width,
+                               std::uint32_t height) {
+  std::vector<vec3> out(picture.size());
+  tbb::parallel_for(0u, height, [&](std::uint32_t y) {
+    const std::uint32_t top = y > 0 ? y - 1 : 0, bottom = std::min(y + 1, height - 1);
+    for (std::uint32_t x = 0; x < width; ++x) {
+      const std::uint32_t left = x > 0 ? x - 1 : 0, right = std::min(x + 1, width - 1);
+      vec3 sum(0.0f), square(0.0f);
+      float count = 0.0f;
+      for (std::uint32_t v = top; v <= bottom; ++v) {
+        for (std::uint32_t u = left; u <= right; ++u) {
+          const vec3& p = picture[std::size_t{v} * width + u];
+          sum += p;
+          square += p * p;
+          count += 1.0f;
+        }
+      }
+      const vec3 mean = sum / count;
+      out[std::size_t{y} * width + x] = glm::max(square / count - mean * mean, vec3(0.0f));
+    }
+  });
+  return out;
+}
+
+/// The features of the lattice's pixels; a pixel of it is `step` pixels wide.
+FeatureImage thinFeatures(const FeatureImage& all, std::uint32_t step) {
+  const std::uint32_t columns = (all.width() + step - 1) / step,
+                      rows = (all.height() + step - 1) / step;
+  FeatureImage out(columns, rows);
+  for (std::uint32_t y = 0; y < rows; ++y) {
+    for (std::uint32_t x = 0; x < columns; ++x) {
+      Feature f = all.mean(x * step, y * step);
+      f.footprint *= static_cast<float>(step);
+      out.add(x, y, f);
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+ShownPicture::ShownPicture(const FrameBuffers& frame, std::uint32_t width, std::uint32_t height,
+                           const ShownOptions& options) {
+  gather(frame, width, height, options);
+}
+
+void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::uint32_t height,
+                          const ShownOptions& options) {
+  using Pixel = std::uint32_t;
+  const Accumulator& sums = frame.sums;
+  const std::uint32_t step = options.spacing;
+  const bool whole = step == 1;
+  if (!options.denoise) {
+    picture_ = collect(width, height, step, [&](Pixel x, Pixel y) { return sums.mean(x, y); });
+    return;
+  }
+  const auto guess =
+      collect(width, height, step, [&](Pixel x, Pixel y) { return sums.guess(x, y).mean(); });
+  const std::uint32_t columns = (width + step - 1) / step, rows = (height + step - 1) / step;
+  const bool single = !whole || frame.tiles.samplesDone() < 2;
+  const auto variance = single ? spreadAround(guess, columns, rows)
+                               : collect(width, height, 1, [&](Pixel x, Pixel y) {
+                                   return sums.guess(x, y).varianceOfMean();
+                                 });
+  if (!whole) {
+    guess_.emplace(thinFeatures(*frame.features, step), guess, variance, false);
+    return;
+  }
+  guess_.emplace(*frame.features, guess, variance, false);
+  if (!options.pairs || sums.fewestPairs() < kPairsThatTell) return;
+  // A rare bright path makes both mean and variance of its pixel large; a pixel that has met none
+  // knows too little of them. So no variance counts as less than that of all pixels together.
+  const dvec3 pooled = sums.pooledDifferenceVariance();
+  correction_.emplace(
+      *frame.features,
+      collect(width, height, 1, [&](Pixel x, Pixel y) { return sums.difference(x, y).mean(); }),
+      collect(width, height, 1,
+              [&](Pixel x, Pixel y) {
+                const Moments d = sums.difference(x, y);
+                return glm::max(d.varianceOfMean(), pooled / static_cast<double>(d.count()));
+              }),
+      true);
+}
+
+bool ShownPicture::advance(const std::function<bool()>& keepGoing) {
+  if (guess_) {
+    if (!guess_->advance(keepGoing)) return false;
+    picture_ = guess_->result();
+    guess_.reset();
+  }
+  if (correction_) {
+    if (!correction_->advance(keepGoing)) return false;
+    const auto add = correction_->result();
+    for (std::size_t i = 0; i < add.size(); ++i) picture_[i] += add[i];
+    correction_.reset();
+  }
+  return true;
+}
+
+}  // namespace trex

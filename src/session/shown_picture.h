@@ -1,0 +1,38 @@
+// What a frame shows: means, filtered if asked for. Capture and screen share it, so that they show
+// the same pixels.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <vector>
+
+#include "src/frame/denoise.h"
+#include "src/session/frame_buffers.h"
+
+namespace trex {
+
+struct ShownOptions {
+  bool denoise = false;
+  bool pairs = false;         ///< the frame keeps differences
+  std::uint32_t spacing = 1;  ///< pixels of the lattice that have a sample: every so many
+};
+
+/// One picture under way, of the frame as it was when this was made. One thread at a time.
+class ShownPicture {
+ public:
+  ShownPicture(const FrameBuffers& frame, std::uint32_t width, std::uint32_t height,
+               const ShownOptions& options);
+  /// Works until done or keepGoing() says no, asked about every millisecond. True once done.
+  bool advance(const std::function<bool()>& keepGoing);
+  /// Once advance() is true: row by row, ceil(width / spacing) wide.
+  std::vector<vec3> take() { return std::move(picture_); }
+
+ private:
+  void gather(const FrameBuffers& frame, std::uint32_t width, std::uint32_t height,
+              const ShownOptions& options);
+
+  std::vector<vec3> picture_;
+  std::optional<GuessFilter> guess_, correction_;
+};
+
+}  // namespace trex
