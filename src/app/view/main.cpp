@@ -40,10 +40,9 @@ void writeReport(const nlohmann::ordered_json& report, const std::filesystem::pa
   });
 }
 
-/// The window was closed; whether it ever showed the model that was asked for.
+/// The window was closed; whether it ever showed the model that was asked for. Why not was said.
 int closingCode(const trex::Viewer& viewer, int code) {
   if (code != 0 || viewer.phase() != trex::OpenPhase::kFailed) return code;
-  trex::logError("{}", viewer.message());
   return static_cast<int>(trex::ExitCode::kInput);
 }
 
@@ -66,6 +65,7 @@ int view(trex::ViewArguments& a, Clock::time_point started) {
     a.height = a.viewer.settings.height = script.height;
   }
   checkInputs(a);
+  a.viewer.recovery = !replays;
   trex::Window window(
       {.width = a.width, .height = a.height, .visible = !replays || script.visible});
   a.viewer.settings.width = std::max(a.width / static_cast<std::uint32_t>(a.scale), 1u);

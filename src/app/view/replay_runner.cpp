@@ -93,11 +93,15 @@ double ReplayRunner::now() const {
 int ReplayRunner::run() {
   catchInterrupts();
   opened_ = 0.0;
-  for (const ReplayStep& each : script_.steps) {
-    for (std::uint32_t i = 0; i < each.repeat && !stopped_; ++i) step(each);
-    if (stopped_ || each.close) break;
+  try {
+    for (const ReplayStep& each : script_.steps) {
+      for (std::uint32_t i = 0; i < each.repeat; ++i) step(each);
+      if (each.close) break;
+    }
+  } catch (const Stop& stop) {
+    return stop.code;
   }
-  return interruptedBy() == 0 ? 0 : 128 + interruptedBy();
+  return 0;
 }
 
 void ReplayRunner::step(const ReplayStep& s) {
@@ -173,8 +177,9 @@ bool ReplayRunner::edit(const ReplayStep& s) {
 
 Turn ReplayRunner::turn(bool maySleep) {
   const Turn turn = loop_.turn(maySleep);
-  if (interruptedBy() != 0) stopped_ = true;
-  if (viewer_.phase() == OpenPhase::kFailed) fail(ExitCode::kInput, "{}", viewer_.message());
+  if (interruptedBy() != 0) throw Stop{128 + interruptedBy()};
+  // The viewer has said why.
+  if (viewer_.phase() == OpenPhase::kFailed) throw Stop{static_cast<int>(ExitCode::kInput)};
   const double at = now() - opened_.value_or(0.0);
   if (!shownAt_ && turn.presented && turn.step.coarseComplete) shownAt_ = at;
   if (!readyAt_ && viewer_.phase() == OpenPhase::kReady) readyAt_ = at;
@@ -189,7 +194,7 @@ Turn ReplayRunner::turn(bool maySleep) {
 template <typename Condition>
 void ReplayRunner::turnUntil(const char* what, const Condition& condition) {
   const double start = now();
-  while (!stopped_ && !condition(turn(true))) {
+  while (!condition(turn(true))) {
     if (now() - start > kPatience) {
       fail(ExitCode::kFailed, "replay: waited {} s for {} in vain", kPatience, what);
     }
@@ -232,7 +237,7 @@ void ReplayRunner::settle(const ReplayStep& s, double start) {
 }
 
 void ReplayRunner::goOn(const ReplayStep& s) {
-  for (std::uint32_t i = 0; i < s.frames && !stopped_; ++i) {
+  for (std::uint32_t i = 0; i < s.frames; ++i) {
     loop_.drawNext();
     turn(false);
   }

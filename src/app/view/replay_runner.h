@@ -20,12 +20,17 @@ class ReplayRunner {
   ReplayRunner(const ReplayScript& script, ViewLoop& loop, Viewer& viewer, Window& window, Ui& ui,
                double budgetSeconds, Clock::time_point started);
 
-  /// Runs all steps. Returns 0, or 130 or 143 after a signal. Throws Error.
+  /// Runs all steps. Returns 0, 3 if the model can't be opened, or 130 or 143 after a signal.
+  /// Throws Error.
   int run();
   /// What was measured, as docs/viewer.md says.
   nlohmann::ordered_json report() const;
 
  private:
+  /// Thrown to end the script early, with the exit code.
+  struct Stop {
+    int code = 0;
+  };
   /// Turns of one step that had something to do.
   struct Turns {
     std::vector<double> frames, steps;  ///< seconds, whole turn and the viewer's part
@@ -59,7 +64,6 @@ class ReplayRunner {
   Ui& ui_;
   double budget_;
   Clock::time_point started_;
-  bool stopped_ = false;
   Turns turns_, allTurns_;
   std::vector<Shown> shown_;
   std::optional<double> opened_, shownAt_, readyAt_;  ///< seconds since started_

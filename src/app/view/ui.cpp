@@ -88,10 +88,10 @@ vec2 Ui::pictureScale() const {
 }
 
 void Ui::follow() {
-  const bool showsNow = shows();
-  if (showsNow && !showed_) takeOver();
-  if (!showsNow) camera.reset();
-  showed_ = showsNow;
+  const Scene* scene = shows() ? &viewer.scene() : nullptr;
+  if (scene == nullptr) camera.reset();
+  if (scene != nullptr && scene != scene_) takeOver();
+  scene_ = scene;
   if (camera && camera->camera() != viewer.look().camera) camera->setCamera(viewer.look().camera);
 }
 
@@ -107,8 +107,7 @@ void Ui::takeOver() {
 }
 
 void Ui::open(const std::filesystem::path& path) {
-  camera.reset();
-  showed_ = false;
+  editor.letGo();
   editsFile.clear();
   viewer.open(path);
 }

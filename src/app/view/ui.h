@@ -115,7 +115,7 @@ class Ui {
   void takeOver();
 
   UiOptions options_;
-  bool showed_ = false;
+  const Scene* scene_ = nullptr;  ///< that was taken over last
   std::string notice_;
   double noticeUntil_ = 0.0;
   float menuHeight_ = 0.0f, columnWidth_ = 0.0f, bottomHeight_ = 0.0f;
