@@ -1,7 +1,6 @@
 #include "src/app/capture.h"
 
 #include <fmt/format.h>
-#include <xxhash.h>
 
 #include <chrono>
 #include <cmath>
@@ -36,7 +35,7 @@ std::uint64_t jobKey(const RenderArguments& a, const Model& model, const std::ve
   if (model.voxels) text += fmt::format(" {}", model.voxels->info.leafCount);
   for (const std::string& layer : a.layers) text += ' ' + layer;
   for (const View& view : views) text += ' ' + cameraText(view.camera);
-  return XXH3_64bits(text.data(), text.size());
+  return hashText(text);
 }
 
 Capture::Capture(const RenderArguments& arguments, std::shared_ptr<const Model> model,

@@ -25,4 +25,6 @@ std::uint64_t hashFile(const std::filesystem::path& path) {
   return XXH3_64bits_digest(state.get());
 }
 
+std::uint64_t hashText(std::string_view text) { return XXH3_64bits(text.data(), text.size()); }
+
 }  // namespace trex

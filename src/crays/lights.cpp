@@ -184,7 +184,14 @@ LightSet::LightSet(const Scene& scene, const dvec3& renderOrigin, const Box3f& b
 }
 
 void LightSet::addLuminaires(const Scene& scene, const dvec3& renderOrigin) {
-  for (const Instance& instance : scene.instances) addLuminaire(scene, instance, renderOrigin);
+  for (const Instance& i : scene.instances) {
+    addLuminaire(scene.meshes[static_cast<std::size_t>(i.mesh)], i, renderOrigin);
+  }
+  for (const Scene::AddedEmitter& e : scene.addedEmitters) {
+    Instance instance;
+    instance.object = e.object;
+    addLuminaire(e.mesh, instance, renderOrigin);
+  }
   emitterCumulative_.assign(1, 0.0);
   for (const Emitter& e : emitters_) {
     emitterCumulative_.push_back(emitterCumulative_.back() + static_cast<double>(e.area));
@@ -201,9 +208,8 @@ void LightSet::addLuminaires(const Scene& scene, const dvec3& renderOrigin) {
 }
 
 /// The triangles of one instance; an object of several meshes of one material is one luminaire.
-void LightSet::addLuminaire(const Scene& scene, const Instance& instance,
+void LightSet::addLuminaire(const Mesh& mesh, const Instance& instance,
                             const dvec3& renderOrigin) {
-  const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
   const auto material = static_cast<std::uint32_t>(mesh.material);
   const auto object = static_cast<std::uint32_t>(instance.object);
   if (luminance(materialRadiance_[material]) <= 0.0f || !visibility_.shows(object)) return;

@@ -118,7 +118,7 @@ class LightSet {
   };
 
   void addLuminaires(const Scene& scene, const dvec3& renderOrigin);
-  void addLuminaire(const Scene& scene, const Instance& instance, const dvec3& renderOrigin);
+  void addLuminaire(const Mesh& mesh, const Instance& instance, const dvec3& renderOrigin);
   void addPunctual(const Scene& scene, const dvec3& renderOrigin);
   void addEnvironment(const Scene& scene);
   vec3 toMap(const vec3& direction) const;

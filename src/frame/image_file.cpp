@@ -45,6 +45,13 @@ void writeExr(const fs::path& path, const fs::path& target, const Picture& pictu
   writeBuffer(path, target, spec, OIIO::TypeDesc::FLOAT, picture.values.data());
 }
 
+void writeBytes(const fs::path& path, const fs::path& target, std::uint32_t width,
+                std::uint32_t height, const std::vector<std::uint8_t>& rgb) {
+  OIIO::ImageSpec spec(static_cast<int>(width), static_cast<int>(height), 3, OIIO::TypeDesc::UINT8);
+  spec.attribute("oiio:ColorSpace", "sRGB");
+  writeBuffer(path, target, spec, OIIO::TypeDesc::UINT8, rgb.data());
+}
+
 void writePng(const fs::path& path, const fs::path& target, const Picture& picture,
               const ToneMap& toneMap) {
   const std::size_t pixels = std::size_t{picture.width} * picture.height;
@@ -58,10 +65,7 @@ void writePng(const fs::path& path, const fs::path& target, const Picture& pictu
           static_cast<std::uint8_t>(std::lround(mapped[c] * 255.0f));
     }
   }
-  OIIO::ImageSpec spec(static_cast<int>(picture.width), static_cast<int>(picture.height), 3,
-                       OIIO::TypeDesc::UINT8);
-  spec.attribute("oiio:ColorSpace", "sRGB");
-  writeBuffer(path, target, spec, OIIO::TypeDesc::UINT8, bytes.data());
+  writeBytes(path, target, picture.width, picture.height, bytes);
 }
 
 }  // namespace
@@ -105,6 +109,18 @@ void writePicture(const fs::path& path, const Picture& picture, const ToneMap& t
       fail(ExitCode::kUsage, "{}: unknown picture format; use .exr or .png", path.string());
     }
   });
+}
+
+void writeScreen(const fs::path& path, std::uint32_t width, std::uint32_t height,
+                 const std::vector<std::uint8_t>& rgba) {
+  std::vector<std::uint8_t> rgb;
+  rgb.reserve(rgba.size() / 4 * 3);
+  for (std::size_t i = 0; i < rgba.size(); i += 4) {
+    rgb.insert(rgb.end(), rgba.begin() + static_cast<std::ptrdiff_t>(i),
+               rgba.begin() + static_cast<std::ptrdiff_t>(i) + 3);
+  }
+  writeAtomically(
+      path, [&](const fs::path& temporary) { writeBytes(temporary, path, width, height, rgb); });
 }
 
 }  // namespace trex

@@ -37,4 +37,8 @@ bool knownPictureExtension(const std::filesystem::path& path);
 void writePicture(const std::filesystem::path& path, const Picture& picture,
                   const ToneMap& toneMap);
 
+/// Writes 8-bit sRGB pixels, RGBA whose alpha is left out, as a PNG. Throws Error(kOutput).
+void writeScreen(const std::filesystem::path& path, std::uint32_t width, std::uint32_t height,
+                 const std::vector<std::uint8_t>& rgba);
+
 }  // namespace trex

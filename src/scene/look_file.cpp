@@ -100,9 +100,9 @@ void readHidden(const JsonObject& root, const Scene& scene, Look& look) {
   look.hidden.erase(std::unique(look.hidden.begin(), look.hidden.end()), look.hidden.end());
 }
 
-Look read(const JsonObject& root, const Scene& scene, const Look& source) {
+Look read(const JsonObject& root, const Scene& scene, const Look& source, LookLight* light) {
   root.allow({"trex", "edits_of", "camera", "exposure", "materials", "lights", "environment",
-              "hidden", "section"});
+              "hidden", "section", "light"});
   if (root.integer("trex", 0, 1u << 30) != kVersion) {
     root.bad("trex", "this program reads version {}", kVersion);
   }
@@ -130,19 +130,27 @@ Look read(const JsonObject& root, const Scene& scene, const Look& source) {
     o.numbers("point", &look.section->point[0], 3);
     look.section->normal = jsonUnitVector(o, "normal");
   }
+  if (root.has("light")) {
+    const JsonObject o = root.object("light");
+    o.allow({"photons", "aim"});
+    LookLight found{o.integer("photons", 0, std::uint64_t{1} << 31), {}};
+    if (o.has("aim")) found.aim = readCameraJson(o.object("aim"));
+    if (light) *light = found;
+  }
   return look;
 }
 
 }  // namespace
 
-std::string lookText(const Look& look, const Scene& scene, const Look& source) {
+std::string lookText(const Look& look, const Scene& scene, const Look& source,
+                     const LookLight& light) {
   OrderedJson out = {{"trex", kVersion}, {"edits_of", scene.source}};
   if (look.camera != source.camera) out["camera"] = cameraJson(look.camera);
   if (look.exposure != source.exposure) out["exposure"] = double{look.exposure};
   if (look.materials != source.materials) out["materials"] = changedMaterials(look, source);
   if (look.lights != source.lights) {
     out["lights"] = OrderedJson::array();
-    for (const Light& light : look.lights) out["lights"].push_back(lightJson(light));
+    for (const Light& lamp : look.lights) out["lights"].push_back(lightJson(lamp));
   }
   if (look.environment != source.environment) {
     out["environment"] = {{"color", jsonList(look.environment.color)},
@@ -158,12 +166,16 @@ std::string lookText(const Look& look, const Scene& scene, const Look& source) {
     out["section"] = {{"point", jsonList(look.section->point)},
                       {"normal", jsonList(look.section->normal)}};
   }
+  if (light.photons > 0 || light.aim) {
+    out["light"] = {{"photons", light.photons}};
+    if (light.aim) out["light"]["aim"] = cameraJson(*light.aim);
+  }
   return out.dump(2, ' ', false, OrderedJson::error_handler_t::replace) + "\n";
 }
 
 void writeLook(const std::filesystem::path& path, const Look& look, const Scene& scene,
-               const Look& source) {
-  const std::string text = lookText(look, scene, source);
+               const Look& source, const LookLight& light) {
+  const std::string text = lookText(look, scene, source, light);
   writeAtomically(path, [&](const std::filesystem::path& temporary) {
     std::ofstream file(temporary, std::ios::binary);
     file.write(text.data(), static_cast<std::streamsize>(text.size()));
@@ -172,10 +184,11 @@ void writeLook(const std::filesystem::path& path, const Look& look, const Scene&
   });
 }
 
-Look readLook(const std::filesystem::path& path, const Scene& scene, const Look& source) {
+Look readLook(const std::filesystem::path& path, const Scene& scene, const Look& source,
+              LookLight* light) {
   const json document = parse(path);
   const JsonDocument place{path.string(), ""};
-  return read(JsonObject(document, place, ""), scene, source);
+  return read(JsonObject(document, place, ""), scene, source, light);
 }
 
 }  // namespace trex

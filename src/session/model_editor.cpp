@@ -13,7 +13,7 @@ class EmitterDecoder {
   EmitterDecoder(const Model& model, std::uint32_t material)
       : model_(model), material_(material), origin_(model.rays->renderOrigin()) {}
 
-  std::vector<Mesh> run() {
+  std::vector<Scene::AddedEmitter> run() {
     const RayScene::Parts& parts = model_.rays->parts();
     dmat4 world(1.0);
     world[3] = glm::dvec4(parts.world.gridOrigin(), 1.0);
@@ -32,8 +32,10 @@ class EmitterDecoder {
         }
       }
     }
-    std::vector<Mesh> out;
-    for (auto& [object, mesh] : byObject_) out.push_back(std::move(mesh));
+    std::vector<Scene::AddedEmitter> out;
+    for (auto& [object, mesh] : byObject_) {
+      out.push_back({std::move(mesh), static_cast<int>(object)});
+    }
     return out;
   }
 
@@ -43,7 +45,6 @@ class EmitterDecoder {
     Mesh& mesh = byObject_[object];
     mesh.origin = origin_;
     mesh.material = static_cast<int>(material_);
-    mesh.name = std::to_string(object);  // read back by showEmitters()
     const bool mirrored = glm::determinant(glm::dmat3(toRender)) < 0.0;
     for (std::uint32_t t = 0; t < source.clusterTriangleCount(cluster); ++t) {
       const hccm::Triangle triangle = source.triangle(cluster, t);
@@ -68,8 +69,6 @@ ModelEditor::ModelEditor(std::shared_ptr<Model> model, const ModelOptions& optio
       options_(options),
       source_(lookOf(model_->scene)),
       look_(source_),
-      meshes_(model_->scene.meshes.size()),
-      instances_(model_->scene.instances.size()),
       sourceShape_(shapeOf(source_)),
       shape_(sourceShape_) {
   if (model_->voxels) setSourceVoxels(model_->voxels);
@@ -99,22 +98,15 @@ Invalidation ModelEditor::apply(const Look& look) {
 /// Materials that shine by an edit need the triangles that were freed.
 void ModelEditor::showEmitters() {
   Scene& scene = model_->scene;
-  scene.meshes.resize(meshes_);
-  scene.instances.resize(instances_);
+  scene.addedEmitters.clear();
   for (std::uint32_t m = 0; m < scene.materials.size(); ++m) {
     if (source_.materials[m].emits() || !scene.materials[m].emits()) continue;
-    for (const Mesh& mesh : emittersOf(m)) {
-      Instance instance;
-      instance.name = "edited emitter";
-      instance.mesh = static_cast<int>(scene.meshes.size());
-      instance.object = std::stoi(mesh.name);
-      scene.meshes.push_back(mesh);
-      scene.instances.push_back(instance);
-    }
+    const auto& found = emittersOf(m);
+    scene.addedEmitters.insert(scene.addedEmitters.end(), found.begin(), found.end());
   }
 }
 
-const std::vector<Mesh>& ModelEditor::emittersOf(std::uint32_t material) {
+const std::vector<Scene::AddedEmitter>& ModelEditor::emittersOf(std::uint32_t material) {
   const auto found = emitters_.find(material);
   if (found != emitters_.end()) return found->second;
   return emitters_[material] = EmitterDecoder(*model_, material).run();

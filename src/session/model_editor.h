@@ -64,13 +64,13 @@ class ModelEditor {
   Shape shapeOf(const Look& look) const;
   std::vector<Material> materialsOf(const Shape& shape) const;
   void showEmitters();
-  const std::vector<Mesh>& emittersOf(std::uint32_t material);
+  const std::vector<Scene::AddedEmitter>& emittersOf(std::uint32_t material);
 
   std::shared_ptr<Model> model_;
   ModelOptions options_;
   Look source_, look_;
-  std::size_t meshes_, instances_;  ///< of the file; emitters of edited materials follow
-  std::map<std::uint32_t, std::vector<Mesh>> emitters_;  ///< by material, decoded when first lit
+  std::map<std::uint32_t, std::vector<Scene::AddedEmitter>>
+      emitters_;  ///< by material, decoded when first lit
   Shape sourceShape_, shape_;
   std::unique_ptr<VoxelValues> sourceValues_, values_;  ///< values_: of a rebuilt tree
 };

@@ -32,23 +32,15 @@ Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
                  const RenderSettings& settings, const PictureLayers& layers)
     : settings_(settings), layers_(layers), model_(std::move(model)), view_(camera) {
   settings_.denoise &= settings_.exact < 1.0;
-  const bool pairs = settings_.exact > 0.0 && settings_.exact < 1.0;
-  const std::uint32_t width = settings_.width, height = settings_.height;
-  const auto makeFrame = [&](TileScheduler::Order order) {
-    return std::make_unique<FrameBuffers>(
-        width, height, pairs, settings_.denoise, layers_,
-        TileScheduler(makeTiles(width, height, kTileSize), order, width, height));
-  };
-  frame_ = makeFrame(settings_.interactive ? TileScheduler::Order::kPerception
-                                           : TileScheduler::Order::kSweep);
-  if (settings_.interactive) preview_ = makeFrame(TileScheduler::Order::kPerception);
+  makeFrames();
   const RayScene& rays = *model_->rays;
   lights_ = std::make_unique<LightSet>(model_->scene, rays.renderOrigin(), rays.bounds(),
                                        rays.visibility());
   report_.mesh = rays.statistics();
   report_.meshSeconds = model_->meshSeconds;
   report_.voxelSeconds = model_->voxelSeconds;
-  camera_ = std::make_unique<CameraRays>(camera, rays.renderOrigin(), width, height);
+  camera_ =
+      std::make_unique<CameraRays>(camera, rays.renderOrigin(), settings_.width, settings_.height);
   if (settings_.exact < 1.0 && model_->voxels && lights_->anyPower()) {
     const double mark = secondsNow();
     setVoxels(model_->voxels, makeDevice(model_->scene.materials, model_->scene.images,
@@ -57,12 +49,24 @@ Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
   }
   if (settings_.denoise && settings_.seconds > 0.0) {
     const double filters = settings_.exact > 0.0 ? 2.0 : 1.0;
-    filterEstimate_ = filters * filterSeconds() * width * height;
+    filterEstimate_ = filters * filterSeconds() * settings_.width * settings_.height;
   }
   makeIntegrators();
 }
 
 Session::~Session() = default;
+
+void Session::makeFrames() {
+  const std::uint32_t width = settings_.width, height = settings_.height;
+  const auto make = [&](TileScheduler::Order order) {
+    return std::make_unique<FrameBuffers>(
+        width, height, shownOptions().pairs, settings_.denoise, layers_,
+        TileScheduler(makeTiles(width, height, kTileSize), order, width, height));
+  };
+  frame_ = make(settings_.interactive ? TileScheduler::Order::kPerception
+                                      : TileScheduler::Order::kSweep);
+  if (settings_.interactive) preview_ = make(TileScheduler::Order::kPerception);
+}
 
 void Session::run(const KeepGoing& keepGoing) {
   start_ = secondsNow() - report_.renderSeconds;

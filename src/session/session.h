@@ -82,9 +82,13 @@ class Session {
   /// Does what comes next until `keepGoing` says no, asked every few milliseconds, but at least the
   /// coarsest picture of all tiles after a change. `pointer`: see TileScheduler.
   Step step(const std::function<bool()>& keepGoing, vec2 pointer);
-  /// The model has changed as ModelEditor::apply() said; `camera` is the one to look through. With
-  /// new voxel values ModelEditor::updateVoxelValues() has been called.
+  /// The model has changed as ModelEditor::apply() said; `camera` is the one to look through. Takes
+  /// a millisecond or so: photons start anew after the first preview.
   void follow(const Invalidation& what, const Camera& camera);
+  /// Called before photons start anew: ModelEditor::updateVoxelValues().
+  void beforeLight(std::function<void()> action) { beforeLight_ = std::move(action); }
+  /// Another size of the picture; samples start anew, photons stay.
+  void resize(std::uint32_t width, std::uint32_t height);
   /// Voxels are being built: until setVoxels() there are previews alone.
   void voxelsAreComing();
   /// Voxels with a device that reads them, made by any thread (makeDevice). What was there before
@@ -108,6 +112,14 @@ class Session {
   /// A pair of a guess and an exact sample, beside the frame: for estimates of the bias.
   PathSample probe(std::uint32_t x, std::uint32_t y, std::uint32_t sample) const;
   const CameraRays& cameraRays() const { return *camera_; }
+  const RayScene& rays() const { return *model_->rays; }
+  /// The voxels that cached light is read from; null if there are none yet.
+  const asvo::Tree* voxels() const;
+  std::uint32_t width() const { return settings_.width; }
+  std::uint32_t height() const { return settings_.height; }
+  const LightSet& lights() const { return *lights_; }
+  /// The last step() found nothing to do.
+  bool resting() const { return resting_; }
 
   /// Writes all that is needed to go on later with the same bits: see checkpoint.h. `key` names the
   /// job. Throws Error(kOutput).
@@ -148,9 +160,11 @@ class Session {
                    const std::function<bool()>& keepGoing, vec2 pointer);
   void prepareLight();
   void startLight();
-  void refreshDevice();
+  void renewLight();
+  void makeFrames();
   void makeIntegrators();
   bool wantsGuess() const;
+  Step nextStep(const std::function<bool()>& keepGoing, vec2 pointer);
   LightSide* nextLight() const;
   // session_picture.cpp: what comes out
   std::vector<std::span<std::byte>> state();
@@ -166,6 +180,9 @@ class Session {
   std::unique_ptr<LightSide> light_;   ///< null where every sample is exact
   std::unique_ptr<LightSide> coming_;  ///< of new voxels, until its photons are shot
   bool voxelsComing_ = false;
+  bool resting_ = false;
+  bool lightStale_ = false;  ///< photons must start anew
+  std::function<void()> beforeLight_;
   std::unique_ptr<CameraRays> camera_;
   std::unique_ptr<Integrator> integrator_, previewIntegrator_;
   std::unique_ptr<FrameBuffers> frame_, preview_;  ///< preview_: the viewer's alone

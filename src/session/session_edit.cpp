@@ -53,9 +53,12 @@ void Session::setVoxels(std::shared_ptr<const asvo::Tree> tree,
   side->cache = std::make_unique<LightCache>(*side->tree);
   voxelsComing_ = false;
   (light_ ? coming_ : light_) = std::move(side);
-  if (settings_.interactive) refreshDevice();
-  startLight();
-  if (settings_.interactive) makeIntegrators();
+  if (settings_.interactive) {
+    lightStale_ = true;
+    makeIntegrators();
+  } else {
+    startLight();
+  }
 }
 
 Session::LightSide* Session::nextLight() const { return coming_ ? coming_.get() : light_.get(); }
@@ -64,11 +67,23 @@ bool Session::wantsGuess() const {
   return settings_.exact < 1.0 && lights_->anyPower() && (light_ || voxelsComing_);
 }
 
-/// The device reads the values of its voxels and the materials anew.
-void Session::refreshDevice() {
-  if (const LightSide* side = nextLight()) {
-    side->device->refresh(photonMaterials(model_->scene.materials, model_->scene.images));
+/// After an edit: the device reads materials and values of voxels anew, then photons start.
+void Session::renewLight() {
+  lightStale_ = false;
+  if (beforeLight_) beforeLight_();
+  nextLight()->device->refresh(photonMaterials(model_->scene.materials, model_->scene.images));
+  startLight();
+}
+
+void Session::resize(std::uint32_t width, std::uint32_t height) {
+  settings_.width = width;
+  settings_.height = height;
+  makeFrames();
+  if (const LightSide* side = nextLight(); side != nullptr && side->pass) {
+    settings_.photons = side->pass->resolved();
   }
+  camera_ = std::make_unique<CameraRays>(view_, model_->rays->renderOrigin(), width, height);
+  makeIntegrators();
 }
 
 /// Photons of the present lights start anew.
@@ -125,10 +140,8 @@ void Session::follow(const Invalidation& what, const Camera& camera) {
                                          rays.visibility());
     if (light_ && power > 0.0) light_->cache->scaleLight(lights_->totalPower() / power);
   }
-  if (what.voxelValues) refreshDevice();
-  if (what.flux) {
-    startLight();
-  } else if (const LightSide* side = nextLight()) {
+  lightStale_ |= what.flux && nextLight() != nullptr;
+  if (const LightSide* side = nextLight(); !lightStale_ && side != nullptr) {
     settings_.photons = side->pass->resolved();  // a camera move keeps them
   }
   if (what.frame) {
@@ -142,7 +155,8 @@ void Session::follow(const Invalidation& what, const Camera& camera) {
 
 bool Session::aimAgain() {
   LightSide* side = nextLight();
-  if (side == nullptr || !side->pass->guided() || settings_.aim == view_) return false;
+  if (side == nullptr || lightStale_ || previewing()) return false;
+  if (!side->pass->guided() || settings_.aim == view_) return false;
   startLight();
   frame_->restart();
   preview_->restart();
@@ -152,18 +166,32 @@ bool Session::aimAgain() {
 
 bool Session::previewing() const {
   if (!wantsGuess()) return false;
-  return voxelsComing_ || coming_ || light_->pass->resolved() == 0;
+  return voxelsComing_ || lightStale_ || coming_ || light_->pass->resolved() == 0;
 }
 
 const FrameBuffers& Session::shownFrame() const { return previewing() ? *preview_ : *frame_; }
 
+const asvo::Tree* Session::voxels() const { return light_ ? light_->tree.get() : nullptr; }
+
 Session::Step Session::step(const std::function<bool()>& keepGoing, vec2 pointer) {
+  const double mark = secondsNow();
+  const Step step = nextStep(keepGoing, pointer);
+  resting_ = step == Step::kIdle;
+  report_.renderSeconds += secondsNow() - mark;
+  return step;
+}
+
+Session::Step Session::nextStep(const std::function<bool()>& keepGoing, vec2 pointer) {
   if (previewing()) {
     preview_->tiles.setBarrier(kPreviewSamples);
     const bool coarse = preview_->tiles.coarseCells() < 4;
-    if (coarse || nextLight() == nullptr || voxelsComing_) {
+    if (coarse || voxelsComing_) {
       return takeSamples(*preview_, *previewIntegrator_, keepGoing, pointer) ? Step::kPreview
                                                                              : Step::kIdle;
+    }
+    if (lightStale_) {
+      renewLight();
+      return Step::kLight;
     }
     if (!bringLight(keepGoing)) return Step::kLight;
     if (coming_) light_ = std::move(coming_);

@@ -109,6 +109,7 @@ struct ViewerFigures {
   std::string device;
   int voxelDepth = 0;
   bool converged = false;
+  std::uint32_t tiles = 0, longestWait = 0;  ///< frames since the tile served longest ago was
 };
 
 class Viewer {

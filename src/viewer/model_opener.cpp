@@ -1,0 +1,55 @@
+#include "src/viewer/model_opener.h"
+
+#include "src/core/memory.h"
+#include "src/session/preflight.h"
+#include "src/session/session.h"
+
+namespace trex {
+namespace {
+
+/// Meshes at once, then voxels built beside them from the source's arrays.
+void openSource(const ModelOpening& o, const std::function<void(Background::Delivery)>& deliver) {
+  checkSourceFits(o.input, o.settings);
+  ImportOptions import = o.options.import;
+  import.environmentGiven = o.options.environment.has_value();
+  Scene scene = importScene(o.input, import);
+  if (o.options.environment) scene.environment = *o.options.environment;
+  ModelOptions options = o.options.model;
+  options.voxelBytes = preflight(scene, o.settings, {}).voxelBytes;
+  auto model = std::make_shared<Model>(makeMeshes(std::move(scene), options));
+  // The screen edits its scene; this one keeps the arrays until the voxels are built.
+  Scene source = model->scene;
+  freeSourceArrays(model->scene);
+  const dvec3 origin = model->rays->renderOrigin();
+  deliver([take = o.takeMeshes, model, options] { take(model, options); });
+  model.reset();
+  if (!options.voxels) return;
+  auto tree = makeVoxels(source, source.materials, origin, options);
+  auto device = std::make_shared<std::unique_ptr<GRayTracer>>(
+      Session::makeDevice(source.materials, source.images, *tree, o.settings));
+  deliver([take = o.takeVoxels, tree, device] { take(tree, device); });
+}
+
+void openBaked(const ModelOpening& o, const std::function<void(Background::Delivery)>& deliver) {
+  auto model = std::make_shared<Model>(openBundle(o.input, o.options));
+  const auto tree = std::exchange(model->voxels, nullptr);
+  const std::vector<Material> materials = model->scene.materials;
+  // Images are not edited, and stay with the model, which is kept until its device is made.
+  ModelOptions options = o.options.model;
+  options.voxels = tree != nullptr;
+  deliver([take = o.takeMeshes, model, options] { take(model, options); });
+  if (!tree) return;
+  auto device = std::make_shared<std::unique_ptr<GRayTracer>>(
+      Session::makeDevice(materials, model->scene.images, *tree, o.settings));
+  deliver([take = o.takeVoxels, tree, device] { take(tree, device); });
+}
+
+}  // namespace
+
+Background::Job openingJob(ModelOpening opening) {
+  return [o = std::move(opening)](const std::function<void(Background::Delivery)>& deliver) {
+    isBundlePath(o.input) ? openBaked(o, deliver) : openSource(o, deliver);
+  };
+}
+
+}  // namespace trex

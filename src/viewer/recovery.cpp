@@ -1,0 +1,29 @@
+#include "src/viewer/recovery.h"
+
+#include <fmt/format.h>
+
+#include <cstdlib>
+
+#include "src/core/hash.h"
+
+namespace trex {
+namespace fs = std::filesystem;
+
+fs::path recoveryPath(const fs::path& model) {
+  const char* state = std::getenv("XDG_STATE_HOME");
+  const char* home = std::getenv("HOME");
+  fs::path folder;
+  if (state != nullptr && *state != '\0') {
+    folder = state;
+  } else if (home != nullptr && *home != '\0') {
+    folder = fs::path(home) / ".local" / "state";
+  } else {
+    return {};
+  }
+  std::error_code problem;
+  const std::string absolute = fs::weakly_canonical(model, problem).string();
+  return folder / "trex" / "recovery" /
+         fmt::format("{}-{:016x}.json", model.stem().string(), hashText(absolute));
+}
+
+}  // namespace trex

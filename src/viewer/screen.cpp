@@ -1,0 +1,175 @@
+#include "src/viewer/screen.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "src/frame/lattice.h"
+#include "src/viewer/inspect.h"
+#include "src/viewer/screen_picture.h"
+
+namespace trex {
+namespace {
+
+constexpr double kRefreshGrowth = 1.15;  // of samples, before the whole frame is filtered again
+
+/// Value of every pixel of the frame's lattice, stretched over the picture.
+template <typename Value>
+std::vector<vec3> latticeValues(const FrameBuffers& frame, std::uint32_t width,
+                                std::uint32_t height, std::uint32_t spacing, const Value& value) {
+  const std::uint32_t columns = (width + spacing - 1) / spacing,
+                      rows = (height + spacing - 1) / spacing;
+  std::vector<vec3> out;
+  out.reserve(std::size_t{columns} * rows);
+  for (std::uint32_t y = 0; y < rows; ++y) {
+    for (std::uint32_t x = 0; x < columns; ++x)
+      out.push_back(value(frame, x * spacing, y * spacing));
+  }
+  return stretch(out, width, height, spacing, true);
+}
+
+double progressOf(const FrameBuffers& frame) { return frame.tiles.meanProgress(); }
+
+}  // namespace
+
+void Screen::restart(bool hold) {
+  job_.reset();
+  hold_ = hold;
+  if (!hold) shown_ = false;
+  spacing_ = 0;
+  progress_ = exactProgress_ = 0.0;
+  inspectedCells_ = 0;
+}
+
+bool Screen::update(const Session& session, const Session* exact, const Look& look,
+                    const ViewState& state, const std::function<bool()>& keepGoing) {
+  image_.width = session.width();
+  image_.height = session.height();
+  if (state.mode != painted_.mode || state.voxelLevel != painted_.voxelLevel) {
+    job_.reset();
+    spacing_ = 0;
+    progress_ = 0.0;
+    inspectedCells_ = 0;
+    hold_ = false;
+  }
+  bool changed = false;
+  if (state.mode == ViewMode::kBeauty) {
+    changed = beauty(session, keepGoing);
+  } else if (state.mode == ViewMode::kVoxels || state.mode == ViewMode::kPhotons) {
+    changed = inspect(session, state, keepGoing);
+  } else {
+    changed = values(session, state);
+  }
+  const bool exactNews =
+      exact != nullptr && state.split && progressOf(exact->shownFrame()) != exactProgress_;
+  const bool restyled = !isPainted_ || exposure_ != look.exposure || painted_.mode != state.mode ||
+                        painted_.split != state.split || painted_.splitAt != state.splitAt ||
+                        painted_.selectedObject != state.selectedObject;
+  if (linear_.size() != std::size_t{image_.width} * image_.height) return false;
+  if (!changed && !exactNews && !restyled) return false;
+  paint(session, exact, look, state);
+  return true;
+}
+
+/// Filtered lattices while the first sample is on its way, then the whole frame again and again.
+bool Screen::beauty(const Session& session, const std::function<bool()>& keepGoing) {
+  const FrameBuffers& frame = session.shownFrame();
+  const std::uint32_t spacing = lattice::spacing(frame.tiles.coarseCells());
+  const double progress = progressOf(frame);
+  if (!job_) {
+    if (spacing == 0 || (hold_ && spacing > 2)) return false;
+    const bool finer = spacing_ == 0 || spacing < spacing_;
+    const bool more = spacing == 1 && progress > progress_ * kRefreshGrowth;
+    const bool last = spacing == 1 && progress != progress_ && session.resting();
+    const bool plain = spacing == 1 && progress != progress_ && !session.shownOptions().denoise;
+    if (!finer && !more && !last && !plain) return false;
+    ShownOptions options = session.shownOptions();
+    options.spacing = spacing;
+    options.pairs &= !session.previewing();
+    job_.emplace(frame, session.width(), session.height(), options);
+    jobSpacing_ = spacing;
+    jobProgress_ = progress;
+  }
+  // The first picture of a change is finished in any case: it is small.
+  const bool first = !shown_;
+  if (!job_->advance([&] { return first || keepGoing(); })) return false;
+  linear_ = stretch(job_->take(), session.width(), session.height(), jobSpacing_, false);
+  job_.reset();
+  spacing_ = jobSpacing_;
+  progress_ = jobProgress_;
+  shown_ = true;
+  hold_ = false;
+  return true;
+}
+
+bool Screen::values(const Session& session, const ViewState& state) {
+  const FrameBuffers& frame = session.shownFrame();
+  const std::uint32_t spacing = lattice::spacing(frame.tiles.coarseCells());
+  const double progress = progressOf(frame);
+  if (spacing == 0 || progress == progress_) return false;
+  linear_ = latticeValues(frame, session.width(), session.height(), spacing,
+                          viewOf(state.mode, frame, session.width(), session.height(), spacing));
+  spacing_ = spacing;
+  progress_ = progress;
+  shown_ = true;
+  return true;
+}
+
+bool Screen::inspect(const Session& session, const ViewState& state,
+                     const std::function<bool()>& keepGoing) {
+  const std::uint32_t width = session.width(), height = session.height();
+  if (inspectedCells_ == 0) linear_.assign(std::size_t{width} * height, vec3(0.0f));
+  bool changed = false;
+  while (inspectedCells_ < lattice::kCells && (keepGoing() || inspectedCells_ == 0)) {
+    inspectCell(session, state, inspectedCells_, linear_);
+    ++inspectedCells_;
+    changed = true;
+  }
+  shown_ |= changed;
+  return changed;
+}
+
+void Screen::paint(const Session& session, const Session* exact, const Look& look,
+                   const ViewState& state) {
+  if (state.mode == ViewMode::kBeauty || state.mode == ViewMode::kPhotons) {
+    const std::vector<vec3>* shown = &linear_;
+    std::vector<vec3> both;
+    if (exact != nullptr && state.split && state.mode == ViewMode::kBeauty) {
+      both = linear_;
+      splitWith(*exact, state.splitAt, both);
+      exactProgress_ = progressOf(exact->shownFrame());
+      shown = &both;
+    }
+    toneMapTo(*shown, look.exposure, image_.rgba);
+  } else {
+    writeValues(linear_, image_.rgba);
+  }
+  const FrameBuffers& frame = session.shownFrame();
+  const std::uint32_t spacing = lattice::spacing(frame.tiles.coarseCells());
+  if (state.selectedObject != kNone && frame.firstHits && spacing > 0) {
+    std::vector<std::uint8_t> inside(linear_.size());
+    for (std::uint32_t y = 0; y < image_.height; ++y) {
+      for (std::uint32_t x = 0; x < image_.width; ++x) {
+        const FirstHit& hit = frame.firstHits->at(x / spacing * spacing, y / spacing * spacing);
+        inside[std::size_t{y} * image_.width + x] =
+            hit.object == static_cast<float>(state.selectedObject);
+      }
+    }
+    highlight(inside, image_.width, image_.height, image_.rgba);
+  }
+  painted_ = state;
+  exposure_ = look.exposure;
+  isPainted_ = true;
+  ++image_.version;
+}
+
+bool Screen::complete(const Session& session, const Session* exact, const ViewState& state) const {
+  if (job_ || !shown_) return false;
+  if (state.mode == ViewMode::kVoxels || state.mode == ViewMode::kPhotons) {
+    return inspectedCells_ == lattice::kCells;
+  }
+  const bool halves =
+      exact == nullptr || !state.split || progressOf(exact->shownFrame()) == exactProgress_;
+  return halves && progress_ == progressOf(session.shownFrame());
+}
+
+}  // namespace trex

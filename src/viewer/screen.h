@@ -1,0 +1,49 @@
+// What the screen shows of a session, brought up to date within what is left of a step.
+#pragma once
+
+#include <functional>
+#include <optional>
+
+#include "src/session/session.h"
+#include "src/viewer/viewer.h"
+
+namespace trex {
+
+class Screen {
+ public:
+  /// The frame begins anew: what is shown next is of another generation. `hold`: keep the picture
+  /// until the new one has every second pixel (the light has come); else show the coarsest at once.
+  void restart(bool hold);
+  /// Works until the screen is up to date or keepGoing() says no. True if the picture has changed.
+  /// `exact`: the session of the right half, or null.
+  bool update(const Session& session, const Session* exact, const Look& look,
+              const ViewState& state, const std::function<bool()>& keepGoing);
+  const ScreenImage& image() const { return image_; }
+  /// The picture of this generation is on the screen, in whatever quality.
+  bool showsGeneration() const { return shown_; }
+  /// Nothing more can be shown of the frame as it is.
+  bool complete(const Session& session, const Session* exact, const ViewState& state) const;
+  std::uint32_t spacing() const { return spacing_; }
+
+ private:
+  bool beauty(const Session& session, const std::function<bool()>& keepGoing);
+  bool values(const Session& session, const ViewState& state);
+  bool inspect(const Session& session, const ViewState& state,
+               const std::function<bool()>& keepGoing);
+  void paint(const Session& session, const Session* exact, const Look& look,
+             const ViewState& state);
+
+  ScreenImage image_;
+  std::vector<vec3> linear_;  ///< beauty, or the values of another view
+  std::optional<ShownPicture> job_;
+  std::uint32_t jobSpacing_ = 0, spacing_ = 0;  ///< of the picture under way, and shown
+  double jobProgress_ = 0.0, progress_ = 0.0, exactProgress_ = 0.0;
+  bool hold_ = false, shown_ = false;
+  std::uint32_t inspectedCells_ = 0;
+  // What was painted.
+  ViewState painted_;
+  float exposure_ = 0.0f;
+  bool isPainted_ = false;
+};
+
+}  // namespace trex

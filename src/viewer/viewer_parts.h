@@ -1,0 +1,95 @@
+// The inside of Viewer. Private to src/viewer.
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+#include <functional>
+#include <memory>
+#include <optional>
+
+#include "src/core/error.h"
+#include "src/scene/look_file.h"
+#include "src/session/model_editor.h"
+#include "src/viewer/background.h"
+#include "src/viewer/model_opener.h"
+#include "src/viewer/recovery.h"
+#include "src/viewer/screen.h"
+#include "src/viewer/viewer.h"
+
+namespace trex {
+
+inline double secondsNow() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+/// Rays and samples a second, over about the last second of work.
+struct Rates {
+  double seconds = 0.0, cRays = 0.0, gRays = 0.0;
+  void add(const SessionReport& before, const SessionReport& after, double taken) {
+    const double keep = std::exp(-taken);
+    seconds = seconds * keep + taken;
+    cRays = cRays * keep + static_cast<double>(after.rays.cRays - before.rays.cRays +
+                                               after.rays.shadowRays - before.rays.shadowRays);
+    gRays = gRays * keep + static_cast<double>(after.rays.cones - before.rays.cones +
+                                               after.rays.cacheReads - before.rays.cacheReads);
+  }
+};
+
+struct BiasEstimate {
+  std::uint32_t count = 0;
+  double sum = 0.0, meanSquare = 0.0;
+};
+
+struct Viewer::Impl {
+  static constexpr double kAimDelay = 0.5;  ///< seconds a camera rests before photons follow it
+
+  explicit Impl(const ViewerOptions& o) : options(o) {}
+
+  ViewerOptions options;
+  ViewState state, seenState;
+  OpenPhase phase = OpenPhase::kEmpty;
+  std::string message;
+  ExitCode failureCode = ExitCode::kDone;
+  std::filesystem::path input, opening;
+  ModelOptions modelOptions;
+  // Sessions read the editor's model, and background work too: it ends first.
+  std::unique_ptr<ModelEditor> editor;
+  std::unique_ptr<Session> session, exact;
+  std::unique_ptr<LookHistory> history;
+  Look startLook, shownLook;
+  bool lookChanged = false, wantVoxels = false, exposureSet = false, deviceLeft = false;
+  double aimAt = 0.0;  ///< when photons are aimed at the new camera; 0: no need
+  Screen screen;
+  double screenSeconds = 0.004;  ///< that an update takes
+  Rates rates;
+  BiasEstimate bias;
+  double splitError = -1.0;
+  bool recoveryDue = false;
+  double nextRecovery = 0.0;
+  Background background;
+
+  void open(const std::filesystem::path& path);
+  void failed(const std::string& why);
+  void openingFailed(std::exception_ptr problem);
+  void takeMeshes(std::shared_ptr<Model> model, const ModelOptions& made);
+  void takeSourceVoxels(std::shared_ptr<asvo::Tree> tree, std::unique_ptr<GRayTracer> device);
+  void rebuildVoxels();
+  bool idle() const;
+  bool exactRests() const;
+  bool restyled() const;
+  bool wantsAim() const;
+  void restartFrame(bool hold);
+  void applyLook();
+  StepReport step(double seconds);
+  void work(double deadline, StepReport& report);
+  StepReport::Kind kindOf(Session::Step step, bool fresh) const;
+  void setExposure();
+  void startExact();
+  bool leaveDevice(const Error& e);
+  void probe();
+  void keepRecovery();
+  double measureSplit() const;
+  LookLight light() const;
+};
+
+}  // namespace trex
