@@ -1,29 +1,18 @@
 #include "src/viewer/bookmarks.h"
 
-#include <fmt/format.h>
-
-#include <cstdlib>
 #include <fstream>
-#include <functional>
 #include <nlohmann/json.hpp>
 
 #include "src/core/error.h"
 #include "src/core/file.h"
 #include "src/core/json_object.h"
 #include "src/core/log.h"
+#include "src/viewer/recovery.h"
 
 namespace trex {
 namespace {
 
 namespace fs = std::filesystem;
-
-fs::path stateFolder() {
-  if (const char* folder = std::getenv("XDG_STATE_HOME"); folder != nullptr && *folder == '/') {
-    return fs::path(folder) / "trex";
-  }
-  const char* home = std::getenv("HOME");
-  return home == nullptr || *home == '\0' ? fs::path() : fs::path(home) / ".local/state/trex";
-}
 
 std::vector<Bookmark> parse(const fs::path& file) {
   std::ifstream in(file);
@@ -42,14 +31,7 @@ std::vector<Bookmark> parse(const fs::path& file) {
 
 }  // namespace
 
-fs::path bookmarksFile(const fs::path& model) {
-  const fs::path folder = stateFolder();
-  if (folder.empty()) return {};
-  std::error_code ignored;
-  const std::string whole = fs::weakly_canonical(model, ignored).string();
-  return folder / fmt::format("{}-{:016x}.views.json", model.stem().string(),
-                              std::hash<std::string>{}(whole));
-}
+fs::path bookmarksFile(const fs::path& model) { return statePath(model, "views"); }
 
 std::vector<Bookmark> readBookmarks(const fs::path& file) {
   std::error_code ignored;

@@ -13,8 +13,7 @@ struct Bookmark {
   bool operator==(const Bookmark&) const = default;
 };
 
-/// Where the bookmarks of a model are kept: below $XDG_STATE_HOME/trex, or ~/.local/state/trex;
-/// empty if there is neither.
+/// Where the bookmarks of a model are kept; empty if there is no place.
 std::filesystem::path bookmarksFile(const std::filesystem::path& model);
 
 /// None if there is no such file or it can't be read, which is said in the log.

@@ -106,7 +106,7 @@ TEST(Bookmarks, ThereAndBack) {
 TEST(Bookmarks, EachModelHasItsOwnFile) {
   setenv("XDG_STATE_HOME", "/state", 1);
   EXPECT_NE(bookmarksFile("/a/model.glb"), bookmarksFile("/b/model.glb"));
-  EXPECT_EQ(bookmarksFile("/a/model.glb").parent_path(), "/state/trex");
+  EXPECT_EQ(bookmarksFile("/a/model.glb").parent_path(), "/state/trex/views");
 }
 
 }  // namespace

@@ -184,7 +184,9 @@ Turn ReplayRunner::turn(bool maySleep) {
   if (!shownAt_ && turn.presented && turn.step.coarseComplete) shownAt_ = at;
   if (!readyAt_ && viewer_.phase() == OpenPhase::kReady) readyAt_ = at;
   if (turn.step.kind == StepReport::Kind::kIdle) return turn;
+  const std::uint32_t longestWait = viewer_.figures().longestWait;
   for (Turns* turns : {&turns_, &allTurns_}) {
+    turns->longestWait = std::max(turns->longestWait, longestWait);
     turns->frames.push_back(turn.seconds);
     turns->steps.push_back(turn.step.seconds);
   }
@@ -288,7 +290,8 @@ nlohmann::ordered_json ReplayRunner::figures(const Turns& turns) const {
           {"frames_within_budget", shareWithin(turns.frames, limit)},
           {"steps_within_budget", shareWithin(turns.steps, limit)},
           {"longest_frame_ms", 1e3 * most(turns.frames)},
-          {"longest_step_ms", 1e3 * most(turns.steps)}};
+          {"longest_step_ms", 1e3 * most(turns.steps)},
+          {"longest_tile_wait_frames", turns.longestWait}};
 }
 
 nlohmann::ordered_json ReplayRunner::report() const {

@@ -34,6 +34,7 @@ class ReplayRunner {
   /// Turns of one step that had something to do.
   struct Turns {
     std::vector<double> frames, steps;  ///< seconds, whole turn and the viewer's part
+    std::uint32_t longestWait = 0;      ///< frames that a tile was not served
   };
   /// Pictures that were presented while one settled.
   struct Shown {
