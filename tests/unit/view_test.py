@@ -313,8 +313,8 @@ class Hands(ViewTest):
 
     def add_a_light(self):
         """Tab Lights, button point; see the layout in src/app/view/ui_draw.cpp."""
-        self.tool("mousemove", 534, 31, "sleep", "0.2", "click", "1", "sleep", "0.3")
-        self.tool("mousemove", 408, 85, "sleep", "0.2", "click", "1", "sleep", "0.3")
+        self.tool("mousemove", 530, 35, "sleep", "0.2", "click", "1", "sleep", "0.3")
+        self.tool("mousemove", 409, 81, "sleep", "0.2", "click", "1", "sleep", "0.3")
 
     def test_interrupt(self):
         self.start()

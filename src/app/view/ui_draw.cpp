@@ -13,6 +13,9 @@ constexpr ImGuiWindowFlags kFixed = ImGuiWindowFlags_NoDecoration | ImGuiWindowF
                                     ImGuiWindowFlags_NoSavedSettings |
                                     ImGuiWindowFlags_NoBringToFrontOnFocus | ImGuiWindowFlags_NoNav;
 
+/// A window smaller than this shows the picture alone.
+constexpr float kLeastWidth = 240.0f, kLeastHeight = 120.0f;
+
 struct Tab {
   Panel panel;
   const char* name;
@@ -37,7 +40,9 @@ std::string progressText(const Viewer& viewer) {
 }  // namespace
 
 void Ui::draw() {
-  if (hidden) {
+  const ImVec2 screen = ImGui::GetIO().DisplaySize;
+  const bool small = screen.x < kLeastWidth || screen.y < kLeastHeight;
+  if (hidden || small) {
     menuHeight_ = columnWidth_ = bottomHeight_ = 0.0f;
   } else {
     menuBar();
@@ -49,10 +54,12 @@ void Ui::draw() {
       columnWidth_ = 0.0f;
     }
   }
-  if (!shows()) welcome();
+  if (!small) {
+    if (!shows()) welcome();
+    if (help) helpWindow();
+    notice();
+  }
   drawDivider(*this);
-  if (help) helpWindow();
-  notice();
   files.draw();
   questions();
   scrollToSelection = false;

@@ -21,6 +21,16 @@ bool beginQuestion(const char* title) {
                                 ImGuiWindowFlags_AlwaysAutoResize | ImGuiWindowFlags_NoMove);
 }
 
+constexpr const char* kCloseTitle = "Edits are not saved";
+constexpr const char* kRecoveryTitle = "Edits of an earlier run";
+
+/// Closes a question that was taken back by key: ImGui would wait for it for ever.
+void endQuestion(const char* title) {
+  if (!ImGui::IsPopupOpen(title) || !ImGui::BeginPopupModal(title)) return;
+  ImGui::CloseCurrentPopup();
+  ImGui::EndPopup();
+}
+
 struct Key {
   const char* keys;
   const char* does;
@@ -52,10 +62,12 @@ constexpr Key kKeys[] = {
 void Ui::questions() {
   if (question == Question::kClose) closeQuestion();
   if (question == Question::kRecovery) recoveryQuestion();
+  if (question != Question::kClose) endQuestion(kCloseTitle);
+  if (question != Question::kRecovery) endQuestion(kRecoveryTitle);
 }
 
 void Ui::closeQuestion() {
-  if (!beginQuestion("Edits are not saved")) return;
+  if (!beginQuestion(kCloseTitle)) return;
   ImGui::TextUnformatted("Save the edits before closing?");
   ImGui::Spacing();
   if (ImGui::Button("Save")) {
@@ -77,7 +89,7 @@ void Ui::closeQuestion() {
 }
 
 void Ui::recoveryQuestion() {
-  if (!beginQuestion("Edits of an earlier run")) return;
+  if (!beginQuestion(kRecoveryTitle)) return;
   ImGui::TextUnformatted(
       "The viewer ended last time with edits of this model that were not saved.");
   ImGui::Spacing();
