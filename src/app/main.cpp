@@ -31,6 +31,7 @@ int run(int argc, char** argv) {
     if (verbose) trex::setLogLevel(trex::LogLevel::kVerbose);
   });
   trex::addRenderCommand(app, exitCode);
+  trex::addViewCommand(app, argc, argv);
   trex::addBakeCommand(app);
   trex::addInfoCommand(app);
   trex::addDoctorCommand(app);

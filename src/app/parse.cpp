@@ -1,7 +1,9 @@
 #include <charconv>
+#include <cstdlib>
 
 #include "src/app/app.h"
 #include "src/core/error.h"
+#include "src/session/settings.h"
 
 namespace trex {
 namespace {
@@ -42,6 +44,17 @@ std::uint64_t parseBytes(const std::string& text) {
     fail(ExitCode::kUsage, "{}: want a size such as 512M or 8G", text);
   }
   return static_cast<std::uint64_t>(value * factor);
+}
+
+int parseDevice(const std::string& text) {
+  if (text == "none") return RenderSettings::kNoDevice;
+  if (text == "auto") return RenderSettings::kBestDevice;
+  char* end = nullptr;
+  const long number = std::strtol(text.c_str(), &end, 10);
+  if (end == text.c_str() || *end != '\0' || number < 0 || number > 255) {
+    fail(ExitCode::kUsage, "--device {}: want a number, auto or none", text);
+  }
+  return static_cast<int>(number);
 }
 
 }  // namespace trex

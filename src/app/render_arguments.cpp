@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <cstdlib>
 
 #include "src/app/app.h"
 #include "src/app/camera_path.h"
@@ -12,17 +11,6 @@
 
 namespace trex {
 namespace {
-
-int parseDevice(const std::string& text) {
-  if (text == "none") return RenderSettings::kNoDevice;
-  if (text == "auto") return RenderSettings::kBestDevice;
-  char* end = nullptr;
-  const long number = std::strtol(text.c_str(), &end, 10);
-  if (end == text.c_str() || *end != '\0' || number < 0 || number > 255) {
-    fail(ExitCode::kUsage, "--device {}: want a number, auto or none", text);
-  }
-  return static_cast<int>(number);
-}
 
 /// Name of picture `number` of several.
 std::string numbered(const std::string& output, std::size_t number) {
@@ -36,8 +24,6 @@ std::string numbered(const std::string& output, std::size_t number) {
   return fmt::format("{}{:0{}}{}", output.substr(0, first), number, last - first + 1,
                      output.substr(last + 1));
 }
-
-std::string tripleText(const dvec3& v) { return fmt::format("{},{},{}", v.x, v.y, v.z); }
 
 }  // namespace
 
@@ -81,13 +67,6 @@ std::vector<View> makeViews(const RenderArguments& a, const Scene& scene,
     views.push_back({cameras[i], many ? numbered(a.output, i + 1) : a.output});
   }
   return views;
-}
-
-std::string cameraText(const Camera& camera) {
-  if (camera.orthographic) return camera.name;
-  const dvec3 target = camera.eye + dvec3(camera.forward);
-  return fmt::format("{}/{}/{}/{}", tripleText(camera.eye), tripleText(target),
-                     tripleText(dvec3(camera.up)), glm::degrees(camera.verticalFov));
 }
 
 }  // namespace trex

@@ -43,7 +43,4 @@ struct View {
 std::vector<View> makeViews(const RenderArguments& a, const Scene& scene,
                             const std::optional<Look>& look = {});
 
-/// A camera as EYE/TARGET/UP/VFOV, which --camera reads back; its name if it is orthographic.
-std::string cameraText(const Camera& camera);
-
 }  // namespace trex

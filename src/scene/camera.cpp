@@ -1,4 +1,6 @@
 // Cameras from the command line and from a box.
+#include <fmt/format.h>
+
 #include <charconv>
 #include <optional>
 #include <string_view>
@@ -49,6 +51,8 @@ std::string cameraNames(const Scene& scene) {
   return names.empty() ? "none" : names;
 }
 
+std::string tripleText(const dvec3& v) { return fmt::format("{},{},{}", v.x, v.y, v.z); }
+
 Camera lookAt(const dvec3& eye, const dvec3& target, const dvec3& up) {
   Camera camera;
   camera.eye = eye;
@@ -95,6 +99,13 @@ Camera parseCamera(const std::string& text, const Scene& scene) {
   camera.name = text;
   camera.verticalFov = glm::radians(static_cast<float>(*fov));
   return camera;
+}
+
+std::string cameraText(const Camera& camera) {
+  if (camera.orthographic) return camera.name;
+  const dvec3 target = camera.eye + dvec3(camera.forward);
+  return fmt::format("{}/{}/{}/{}", tripleText(camera.eye), tripleText(target),
+                     tripleText(dvec3(camera.up)), glm::degrees(camera.verticalFov));
 }
 
 Camera framingCamera(const Box3d& bounds) {

@@ -57,6 +57,9 @@ Environment softSky();
 /// metres and the vertical field of view in degrees, in (0, 180). Throws Error(kUsage).
 Camera parseCamera(const std::string& text, const Scene& scene);
 
+/// A camera as EYE/TARGET/UP/VFOV, which parseCamera() reads back; its name if it is orthographic.
+std::string cameraText(const Camera& camera);
+
 /// A camera that sees the whole box from the front (+z), slightly above.
 Camera framingCamera(const Box3d& bounds);
 

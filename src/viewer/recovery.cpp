@@ -9,7 +9,7 @@
 namespace trex {
 namespace fs = std::filesystem;
 
-fs::path recoveryPath(const fs::path& model) {
+fs::path statePath(const fs::path& model, const char* kind) {
   const char* state = std::getenv("XDG_STATE_HOME");
   const char* home = std::getenv("HOME");
   fs::path folder;
@@ -22,8 +22,10 @@ fs::path recoveryPath(const fs::path& model) {
   }
   std::error_code problem;
   const std::string absolute = fs::weakly_canonical(model, problem).string();
-  return folder / "trex" / "recovery" /
+  return folder / "trex" / kind /
          fmt::format("{}-{:016x}.json", model.stem().string(), hashText(absolute));
 }
+
+fs::path recoveryPath(const fs::path& model) { return statePath(model, "recovery"); }
 
 }  // namespace trex

@@ -1,0 +1,116 @@
+// trex-view: the window of `trex view`, a program of its own.
+#include <tbb/global_control.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iostream>
+#include <new>
+#include <optional>
+
+#include "src/app/view/loop.h"
+#include "src/app/view/replay_runner.h"
+#include "src/app/view/view_arguments.h"
+#include "src/core/error.h"
+#include "src/core/file.h"
+#include "src/core/log.h"
+#include "src/vulkan/vulkan.h"
+
+namespace {
+
+using Clock = trex::ReplayRunner::Clock;
+
+void setThreads(int threads, std::optional<tbb::global_control>& limit) {
+  if (threads <= 0) return;
+  limit.emplace(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
+  setenv("LP_NUM_THREADS", std::to_string(threads).c_str(), 0);  // lavapipe's own threads
+}
+
+void writeReport(const nlohmann::ordered_json& report, const std::filesystem::path& path) {
+  if (path.empty()) {
+    std::cout << report.dump(1) << std::endl;
+    return;
+  }
+  trex::writeAtomically(path, [&](const std::filesystem::path& temporary) {
+    std::ofstream out(temporary);
+    out << report.dump(1) << '\n';
+    if (!out.flush()) {
+      trex::fail(trex::ExitCode::kOutput, "{}: could not be written", path.string());
+    }
+  });
+}
+
+/// The window was closed; whether it ever showed the model that was asked for. Why not was said.
+int closingCode(const trex::Viewer& viewer, int code) {
+  if (code != 0 || viewer.phase() != trex::OpenPhase::kFailed) return code;
+  return static_cast<int>(trex::ExitCode::kInput);
+}
+
+/// Errors that are better said before a window opens.
+void checkInputs(const trex::ViewArguments& a) {
+  for (const std::filesystem::path& path : {a.viewer.input, a.viewer.edits}) {
+    std::error_code ignored;
+    if (path.empty() || std::filesystem::exists(path, ignored)) continue;
+    trex::fail(trex::ExitCode::kInput, "{}: no such file", path.string());
+  }
+  if (!a.report.empty()) trex::checkWritable(a.report);
+}
+
+int view(trex::ViewArguments& a, Clock::time_point started) {
+  const bool replays = !a.replay.empty();
+  trex::ReplayScript script;
+  if (replays) {
+    script = trex::readReplay(a.replay);
+    a.width = a.viewer.settings.width = script.width;
+    a.height = a.viewer.settings.height = script.height;
+  }
+  checkInputs(a);
+  a.viewer.recovery = !replays;
+  trex::Window window(
+      {.width = a.width, .height = a.height, .visible = !replays || script.visible});
+  a.viewer.settings.width = std::max(a.width / static_cast<std::uint32_t>(a.scale), 1u);
+  a.viewer.settings.height = std::max(a.height / static_cast<std::uint32_t>(a.scale), 1u);
+  trex::Viewer viewer(a.viewer);
+  trex::UiOptions options;
+  options.screenshotFolder = a.screenshotFolder;
+  options.edits = a.viewer.edits;
+  options.hidden = replays && !script.ui;
+  options.asks = !replays;
+  trex::Ui ui(viewer, window, options);
+  trex::ViewLoop loop(viewer, window, ui, a.viewer.budgetSeconds, a.scale);
+  if (!replays) return closingCode(viewer, loop.run());
+  trex::ReplayRunner runner(script, loop, viewer, window, ui, a.viewer.budgetSeconds, started);
+  const int code = runner.run();
+  writeReport(runner.report(), a.report);
+  return code;
+}
+
+int run(int argc, char** argv) {
+  const auto started = Clock::now();
+  trex::ViewArguments a = trex::readViewArguments(argc, argv);
+  if (a.help) return 0;
+  std::optional<tbb::global_control> limit;
+  setThreads(a.threads, limit);
+  const int code = view(a, started);
+  const auto messages = trex::Window::validationMessages() + trex::vulkan::validationMessages();
+  if (messages == 0) return code;
+  trex::logError("the validation layer had {} things to say, see above", messages);
+  return static_cast<int>(trex::ExitCode::kFailed);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    return run(argc, argv);
+  } catch (const trex::Error& e) {
+    trex::logError("{}", e.what());
+    return static_cast<int>(e.code());
+  } catch (const std::bad_alloc&) {
+    trex::logError("out of memory; try a smaller --size or model");
+    return static_cast<int>(trex::ExitCode::kMemoryOrDevice);
+  } catch (const std::exception& e) {
+    trex::logError("{}", e.what());
+    return static_cast<int>(trex::ExitCode::kFailed);
+  }
+}

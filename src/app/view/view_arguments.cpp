@@ -1,0 +1,123 @@
+#include "src/app/view/view_arguments.h"
+
+#include <CLI/CLI.hpp>
+#include <cmath>
+
+#include "src/app/app.h"
+#include "src/core/error.h"
+#include "src/core/log.h"
+#include "src/core/version.h"
+
+namespace trex {
+namespace {
+
+/// As written; read once all are there.
+struct Texts {
+  std::string input, edits, size = "1280x720", device = "auto", guess = "auto", denoise = "auto";
+  std::string stale = "refuse", maxMemory, maxGpuMemory, replay, report, screenshotFolder = ".";
+  std::uint32_t samples = 4096;
+  double budgetMs = 33.0;
+  bool quiet = false, verbose = false;
+};
+
+void addOptions(CLI::App& c, Texts& t, ViewArguments& a) {
+  RenderSettings& s = a.viewer.settings;
+  c.add_option("INPUT", t.input, "Model: .gltf .glb .ply .obj, or a baked .trex");
+  c.add_option("--edits", t.edits, "Edits to start from: a .json that the viewer has saved");
+  c.add_option("--env", a.viewer.environment,
+               "Environment: R,G,B or a latitude-longitude .hdr or .exr");
+  c.add_option("--camera", a.viewer.camera,
+               "Camera's name, or EYE/TARGET/UP/VFOV: x,y,z/x,y,z/x,y,z/degrees");
+  c.add_option("--size", t.size, "Of the window: WxH in pixels")->capture_default_str();
+  c.add_option("--scale", a.scale, "Window pixels a pixel of the picture: 1, 2 or 4")
+      ->check(CLI::IsMember({1, 2, 4}))
+      ->capture_default_str();
+  c.add_option("--exact", s.exact,
+               "Share of samples traced exactly: 0 fast and biased, 1 a path tracer")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
+  c.add_option("--spp", t.samples, "Samples a pixel at which refining ends")
+      ->check(CLI::Range(1u, 1u << 20))
+      ->capture_default_str();
+  c.add_option("--guess", t.guess, "Guess of far, wide rays: auto, ray or cone")
+      ->check(CLI::IsMember({"auto", "ray", "cone"}))
+      ->capture_default_str();
+  c.add_option("--denoise", t.denoise, "Filter the guess and its correction: auto or off")
+      ->check(CLI::IsMember({"auto", "off"}))
+      ->capture_default_str();
+  c.add_option("--device", t.device, "Vulkan device of the G-rays: number, auto or none")
+      ->capture_default_str();
+  c.add_option("--seed", s.seed, "Seed of all random numbers")->capture_default_str();
+  c.add_option("--threads", a.threads, "CPU threads [all]")->check(CLI::Range(1, 4096));
+  c.add_option("--budget-ms", t.budgetMs, "Milliseconds a step of work may take")
+      ->check(CLI::Range(5.0, 1000.0))
+      ->capture_default_str();
+  c.add_option("--max-memory", t.maxMemory, "Memory this process may use, such as 8G [all]");
+  c.add_option("--max-gpu-memory", t.maxGpuMemory,
+               "Device memory that may be used, such as 2G [all]");
+  c.add_option("--stale", t.stale, "A bundle whose model has changed since: refuse or use")
+      ->check(CLI::IsMember({"refuse", "use"}))
+      ->capture_default_str();
+  c.add_option("--replay", t.replay, "Run this script in an invisible window: see docs/viewer.md");
+  c.add_option("--report", t.report, "Write what the replay measured to this .json [stdout]");
+  c.add_option("--screenshot-dir", t.screenshotFolder, "Where pictures are saved")
+      ->capture_default_str();
+  c.add_flag("-q,--quiet", t.quiet, "Errors alone");
+  c.add_flag("-v,--verbose", t.verbose, "Say more");
+}
+
+void read(const Texts& t, ViewArguments& a) {
+  RenderSettings& s = a.viewer.settings;
+  if (std::isnan(s.exact)) fail(ExitCode::kUsage, "--exact nan: want 0 to 1");
+  if (std::isnan(t.budgetMs)) fail(ExitCode::kUsage, "--budget-ms nan: want 5 to 1000");
+  if (!t.report.empty() && t.replay.empty()) {
+    fail(ExitCode::kUsage, "--report: needs --replay SCRIPT to report on");
+  }
+  parseSize(t.size, a.width, a.height);
+  s.width = a.width;
+  s.height = a.height;
+  s.samples = t.samples;
+  s.device = parseDevice(t.device);
+  s.denoise = t.denoise == "auto";
+  s.guess = t.guess == "ray"    ? GuessKind::kRay
+            : t.guess == "cone" ? GuessKind::kCone
+                                : GuessKind::kAuto;
+  if (!t.maxMemory.empty()) s.maxMemory = parseBytes(t.maxMemory);
+  if (!t.maxGpuMemory.empty()) s.maxGpuMemory = parseBytes(t.maxGpuMemory);
+  a.viewer.input = t.input;
+  a.viewer.edits = t.edits;
+  a.viewer.useStale = t.stale == "use";
+  a.viewer.budgetSeconds = 1e-3 * t.budgetMs;
+  a.replay = t.replay;
+  a.report = t.report;
+  a.screenshotFolder = t.screenshotFolder;
+  if (t.quiet) setLogLevel(LogLevel::kError);
+  if (t.verbose) setLogLevel(LogLevel::kVerbose);
+}
+
+}  // namespace
+
+ViewArguments readViewArguments(int argc, char** argv) {
+  CLI::App app{"Open a model in a window: look around, edit, refine", "trex view"};
+  app.footer(
+      "Press H in the window for its keys. Exit codes: 0 closed, 1 failed, 2 usage, 3 input,\n"
+      "4 memory, device or no display, 5 output not written, 130/143 interrupted.");
+  app.set_version_flag("--version", std::string("trex ") + kVersion);
+  ViewArguments a;
+  Texts t;
+  addOptions(app, t, a);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::ParseError& e) {
+    if (e.get_exit_code() != static_cast<int>(CLI::ExitCodes::Success)) {
+      fail(ExitCode::kUsage, "{}; see trex view --help", e.what());
+    }
+    app.exit(e);
+    a.help = true;
+    return a;
+  }
+  read(t, a);
+  return a;
+}
+
+}  // namespace trex
