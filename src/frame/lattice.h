@@ -35,9 +35,5 @@ inline constexpr std::array<Place, kCells> kPlaces = [] {
 constexpr std::uint32_t spacing(std::uint32_t cells) {
   return cells >= 64 ? 1 : cells >= 16 ? 2 : cells >= 4 ? 4 : cells >= 1 ? 8 : 0;
 }
-/// The next number of cells that fills one.
-constexpr std::uint32_t nextLevel(std::uint32_t cells) {
-  return cells < 1 ? 1 : cells < 4 ? 4 : cells < 16 ? 16 : 64;
-}
 
 }  // namespace trex::lattice

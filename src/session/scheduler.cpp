@@ -10,6 +10,13 @@ namespace trex {
 
 using lattice::kCells;
 
+namespace {
+
+/// The coarse frame fills 1, 4, 8, 12, 16 cells: small passes, so that no tile waits long.
+constexpr std::uint32_t kCoarse = 16;
+
+}  // namespace
+
 TileScheduler::TileScheduler(std::vector<Tile> tiles, Order order, std::uint32_t width,
                              std::uint32_t height)
     : tiles_(std::move(tiles)),
@@ -20,6 +27,17 @@ TileScheduler::TileScheduler(std::vector<Tile> tiles, Order order, std::uint32_t
       closeness_(tiles_.size(), 1.0f),
       nearest_(tiles_.size()) {
   std::iota(nearest_.begin(), nearest_.end(), 0u);
+  for (const Tile& t : tiles_) side_ = std::max({side_, t.width, t.height});
+  columns_ = (width + side_ - 1) / side_;
+  grid_.resize(std::size_t{columns_} * ((height + side_ - 1) / side_));
+  for (std::uint32_t i = 0; i < tiles_.size(); ++i) {
+    grid_[std::size_t{tiles_[i].y / side_} * columns_ + tiles_[i].x / side_] = i;
+  }
+}
+
+std::uint32_t TileScheduler::spacingAt(std::uint32_t x, std::uint32_t y) const {
+  const TileState& s = states_[grid_[std::size_t{y / side_} * columns_ + x / side_]];
+  return s.sample > 0 ? 1 : lattice::spacing(s.cells);
 }
 
 void TileScheduler::restart() {
@@ -115,7 +133,7 @@ TileUnit TileScheduler::take(std::uint32_t tile, std::uint32_t endCell) {
 /// Levels of the coarse frame, each of every tile before the next.
 std::optional<TileUnit> TileScheduler::nextCoarse() {
   if (barrier_ == 0) return {};
-  for (; coarse_ <= 16; coarse_ = lattice::nextLevel(coarse_), coarseNext_ = 0) {
+  for (; coarse_ <= kCoarse; coarse_ += coarse_ < 4 ? 3 : 4, coarseNext_ = 0) {
     for (; coarseNext_ < nearest_.size(); ++coarseNext_) {
       const std::uint32_t i = nearest_[coarseNext_];
       if (states_[i].sample == 0 && states_[i].cells < coarse_) return take(i, coarse_);

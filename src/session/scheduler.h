@@ -1,7 +1,8 @@
 // Which pixels get their next sample: plain data from plain data, no rays and no clocks.
 //
 //   kSweep       captures: every tile one more sample, from the centre outwards
-//   kPerception  the viewer: first a coarse frame of every tile (1, 4, 16 cells of the lattice of
+//   kPerception  the viewer: first a coarse frame of every tile (1, 4, ... 16 cells of the lattice
+//   of
 //                frame/lattice.h), then the tile where one more sample gains most: near the
 //                pointer, noisy or rich in contrast, with few samples. A share of each frame goes
 //                to the tiles served longest ago, so that none waits longer than kMostFrames.
@@ -55,6 +56,8 @@ class TileScheduler {
 
   const std::vector<Tile>& tiles() const { return tiles_; }
   const TileState& state(std::uint32_t tile) const { return states_[tile]; }
+  /// Spacing of the pixels that have a sample around (x, y); 0: none has.
+  std::uint32_t spacingAt(std::uint32_t x, std::uint32_t y) const;
   /// Samples that every tile has whole.
   std::uint32_t samplesDone() const;
   /// Tiles of a sweep that have one more.
@@ -81,8 +84,10 @@ class TileScheduler {
   Order order_;
   float width_, height_;
   std::vector<TileState> states_;
-  std::vector<float> closeness_;        ///< to the pointer, by tile, (0, 1]
-  std::vector<std::uint32_t> nearest_;  ///< tiles, those near the pointer first
+  std::vector<float> closeness_;          ///< to the pointer, by tile, (0, 1]
+  std::uint32_t side_ = 1, columns_ = 1;  ///< of a tile in pixels; tiles in a row
+  std::vector<std::uint32_t> grid_;       ///< tiles by place, row by row
+  std::vector<std::uint32_t> nearest_;    ///< tiles, those near the pointer first
   std::uint32_t barrier_ = 0xffffffffu;
   std::uint32_t sweepSample_ = 0, sweepTile_ = 0;  ///< of a sweep: what comes next
   std::uint32_t coarse_ = 1, coarseNext_ = 0;      ///< level under way, place in nearest_

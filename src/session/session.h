@@ -181,7 +181,10 @@ class Session {
   std::unique_ptr<LightSide> coming_;  ///< of new voxels, until its photons are shot
   bool voxelsComing_ = false;
   bool resting_ = false;
-  bool lightStale_ = false;  ///< photons must start anew
+  int previewTurn_ = 0;
+  /// What must be done before photons start anew, a step each, from the last to the first.
+  enum class Stale : std::uint8_t { kNothing, kPhotons, kDevice, kValues };
+  Stale stale_ = Stale::kNothing;
   std::function<void()> beforeLight_;
   std::unique_ptr<CameraRays> camera_;
   std::unique_ptr<Integrator> integrator_, previewIntegrator_;

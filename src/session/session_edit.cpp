@@ -54,7 +54,7 @@ void Session::setVoxels(std::shared_ptr<const asvo::Tree> tree,
   voxelsComing_ = false;
   (light_ ? coming_ : light_) = std::move(side);
   if (settings_.interactive) {
-    lightStale_ = true;
+    stale_ = Stale::kValues;
     makeIntegrators();
   } else {
     startLight();
@@ -67,12 +67,25 @@ bool Session::wantsGuess() const {
   return settings_.exact < 1.0 && lights_->anyPower() && (light_ || voxelsComing_);
 }
 
-/// After an edit: the device reads materials and values of voxels anew, then photons start.
+/// After an edit: voxels get their values, the device reads them, photons start; one of it at a
+/// time.
 void Session::renewLight() {
-  lightStale_ = false;
-  if (beforeLight_) beforeLight_();
-  nextLight()->device->refresh(photonMaterials(model_->scene.materials, model_->scene.images));
-  startLight();
+  switch (stale_) {
+    case Stale::kValues:
+      if (beforeLight_) beforeLight_();
+      stale_ = Stale::kDevice;
+      return;
+    case Stale::kDevice:
+      nextLight()->device->refresh(photonMaterials(model_->scene.materials, model_->scene.images));
+      stale_ = Stale::kPhotons;
+      return;
+    case Stale::kPhotons:
+      startLight();
+      stale_ = Stale::kNothing;
+      return;
+    case Stale::kNothing:
+      return;
+  }
 }
 
 void Session::resize(std::uint32_t width, std::uint32_t height) {
@@ -140,8 +153,10 @@ void Session::follow(const Invalidation& what, const Camera& camera) {
                                          rays.visibility());
     if (light_ && power > 0.0) light_->cache->scaleLight(lights_->totalPower() / power);
   }
-  lightStale_ |= what.flux && nextLight() != nullptr;
-  if (const LightSide* side = nextLight(); !lightStale_ && side != nullptr) {
+  if (what.flux && nextLight() != nullptr) {
+    stale_ = std::max(stale_, what.voxelValues ? Stale::kValues : Stale::kPhotons);
+  }
+  if (const LightSide* side = nextLight(); stale_ == Stale::kNothing && side != nullptr) {
     settings_.photons = side->pass->resolved();  // a camera move keeps them
   }
   if (what.frame) {
@@ -155,7 +170,7 @@ void Session::follow(const Invalidation& what, const Camera& camera) {
 
 bool Session::aimAgain() {
   LightSide* side = nextLight();
-  if (side == nullptr || lightStale_ || previewing()) return false;
+  if (side == nullptr || previewing()) return false;
   if (!side->pass->guided() || settings_.aim == view_) return false;
   startLight();
   frame_->restart();
@@ -166,7 +181,7 @@ bool Session::aimAgain() {
 
 bool Session::previewing() const {
   if (!wantsGuess()) return false;
-  return voxelsComing_ || lightStale_ || coming_ || light_->pass->resolved() == 0;
+  return voxelsComing_ || stale_ != Stale::kNothing || coming_ || light_->pass->resolved() == 0;
 }
 
 const FrameBuffers& Session::shownFrame() const { return previewing() ? *preview_ : *frame_; }
@@ -184,12 +199,14 @@ Session::Step Session::step(const std::function<bool()>& keepGoing, vec2 pointer
 Session::Step Session::nextStep(const std::function<bool()>& keepGoing, vec2 pointer) {
   if (previewing()) {
     preview_->tiles.setBarrier(kPreviewSamples);
-    const bool coarse = preview_->tiles.coarseCells() < 4;
-    if (coarse || voxelsComing_) {
+    const bool coarse = preview_->tiles.coarseCells() < 16;
+    // Later every third step is the preview's, so that it goes on while photons are shot.
+    previewTurn_ = (previewTurn_ + 1) % 3;
+    if (coarse || voxelsComing_ || (previewTurn_ == 0 && !preview_->tiles.atBarrier())) {
       return takeSamples(*preview_, *previewIntegrator_, keepGoing, pointer) ? Step::kPreview
                                                                              : Step::kIdle;
     }
-    if (lightStale_) {
+    if (stale_ != Stale::kNothing) {
       renewLight();
       return Step::kLight;
     }

@@ -23,6 +23,29 @@ std::vector<vec3> collect(std::uint32_t width, std::uint32_t height, std::uint32
   return out;
 }
 
+/// A single sample brighter than all around it is a rare path: it counts as the brightest of them.
+std::vector<vec3> withoutDots(const std::vector<vec3>& picture, std::uint32_t width,
+                              std::uint32_t height) {
+  std::vector<vec3> out = picture;
+  tbb::parallel_for(0u, height, [&](std::uint32_t y) {
+    const std::uint32_t top = y > 0 ? y - 1 : 0, bottom = std::min(y + 1, height - 1);
+    for (std::uint32_t x = 0; x < width; ++x) {
+      const std::uint32_t left = x > 0 ? x - 1 : 0, right = std::min(x + 1, width - 1);
+      float most = 0.0f;
+      for (std::uint32_t v = top; v <= bottom; ++v) {
+        for (std::uint32_t u = left; u <= right; ++u) {
+          if (u != x || v != y)
+            most = std::max(most, luminance(picture[std::size_t{v} * width + u]));
+        }
+      }
+      vec3& own = out[std::size_t{y} * width + x];
+      const float light = luminance(own);
+      if (light > most && most > 0.0f) own *= most / light;
+    }
+  });
+  return out;
+}
+
 /// Of single samples nothing is known but how they differ from their neighbours.
 std::vector<vec3> spreadAround(const std::vector<vec3>& picture, std::uint32_t width,
                                std::uint32_t height) {
@@ -49,13 +72,15 @@ std::vector<vec3> spreadAround(const std::vector<vec3>& picture, std::uint32_t w
 }
 
 /// The features of the lattice's pixels; a pixel of it is `step` pixels wide.
-FeatureImage thinFeatures(const FeatureImage& all, std::uint32_t step) {
+template <typename Source>
+FeatureImage thinFeatures(const FeatureImage& all, std::uint32_t step, const Source& source) {
   const std::uint32_t columns = (all.width() + step - 1) / step,
                       rows = (all.height() + step - 1) / step;
   FeatureImage out(columns, rows);
   for (std::uint32_t y = 0; y < rows; ++y) {
     for (std::uint32_t x = 0; x < columns; ++x) {
-      Feature f = all.mean(x * step, y * step);
+      const auto [px, py] = source(x * step, y * step);
+      Feature f = all.mean(px, py);
       f.footprint *= static_cast<float>(step);
       out.add(x, y, f);
     }
@@ -75,21 +100,39 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
   using Pixel = std::uint32_t;
   const Accumulator& sums = frame.sums;
   const std::uint32_t step = options.spacing;
-  const bool whole = step == 1;
+  const bool whole = frame.tiles.samplesDone() > 0;
+  // The pixel that stands for one that has no sample yet.
+  const auto source = [&](Pixel x, Pixel y) {
+    const std::uint32_t s = whole ? 1 : std::max(frame.tiles.spacingAt(x, y), 1u);
+    return std::pair(x / s * s, y / s * s);
+  };
+  const auto each = [&](const auto& value) {
+    return collect(width, height, step, [&](Pixel x, Pixel y) {
+      const auto [px, py] = source(x, y);
+      return value(px, py);
+    });
+  };
   if (!options.denoise) {
-    picture_ = collect(width, height, step, [&](Pixel x, Pixel y) { return sums.mean(x, y); });
+    picture_ = each([&](Pixel x, Pixel y) { return sums.mean(x, y); });
     return;
   }
-  const auto guess =
-      collect(width, height, step, [&](Pixel x, Pixel y) { return sums.guess(x, y).mean(); });
+  auto guess = each([&](Pixel x, Pixel y) { return sums.guess(x, y).mean(); });
   const std::uint32_t columns = (width + step - 1) / step, rows = (height + step - 1) / step;
-  const bool single = !whole || frame.tiles.samplesDone() < 2;
-  const auto variance = single ? spreadAround(guess, columns, rows)
-                               : collect(width, height, 1, [&](Pixel x, Pixel y) {
-                                   return sums.guess(x, y).varianceOfMean();
-                                 });
+  auto variance = each([&](Pixel x, Pixel y) { return sums.guess(x, y).varianceOfMean(); });
+  if (frame.tiles.samplesDone() < 2) {
+    const auto calm = withoutDots(guess, columns, rows);
+    const auto spread = spreadAround(calm, columns, rows);
+    for (std::size_t i = 0; i < spread.size(); ++i) {
+      const auto x = static_cast<Pixel>(i % columns) * step,
+                 y = static_cast<Pixel>(i / columns) * step;
+      const auto [px, py] = source(x, y);
+      if (sums.guess(px, py).count() >= 2) continue;
+      variance[i] = spread[i];
+      guess[i] = calm[i];
+    }
+  }
   if (!whole) {
-    guess_.emplace(thinFeatures(*frame.features, step), guess, variance, false);
+    guess_.emplace(thinFeatures(*frame.features, step, source), guess, variance, false);
     return;
   }
   guess_.emplace(*frame.features, guess, variance, false);
@@ -98,13 +141,11 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
   // knows too little of them. So no variance counts as less than that of all pixels together.
   const dvec3 pooled = sums.pooledDifferenceVariance();
   correction_.emplace(
-      *frame.features,
-      collect(width, height, 1, [&](Pixel x, Pixel y) { return sums.difference(x, y).mean(); }),
-      collect(width, height, 1,
-              [&](Pixel x, Pixel y) {
-                const Moments d = sums.difference(x, y);
-                return glm::max(d.varianceOfMean(), pooled / static_cast<double>(d.count()));
-              }),
+      *frame.features, each([&](Pixel x, Pixel y) { return sums.difference(x, y).mean(); }),
+      each([&](Pixel x, Pixel y) {
+        const Moments d = sums.difference(x, y);
+        return glm::max(d.varianceOfMean(), pooled / static_cast<double>(d.count()));
+      }),
       true);
 }
 

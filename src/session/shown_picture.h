@@ -13,8 +13,10 @@ namespace trex {
 
 struct ShownOptions {
   bool denoise = false;
-  bool pairs = false;         ///< the frame keeps differences
-  std::uint32_t spacing = 1;  ///< pixels of the lattice that have a sample: every so many
+  bool pairs = false;  ///< the frame keeps differences
+  /// Every so manieth pixel alone, each of which must have a sample; 1: all of them, and where one
+  /// has none yet that of its lattice before it.
+  std::uint32_t spacing = 1;
 };
 
 /// One picture under way, of the frame as it was when this was made. One thread at a time.

@@ -10,7 +10,8 @@
 namespace trex {
 namespace {
 
-constexpr double kRefreshGrowth = 1.15;  // of samples, before the whole frame is filtered again
+constexpr double kMixedFrom = 0.6;       // samples a pixel
+constexpr double kRefreshGrowth = 1.25;  // of samples, before the whole frame is filtered again
 
 /// Value of every pixel of the frame's lattice, stretched over the picture.
 template <typename Value>
@@ -73,8 +74,10 @@ bool Screen::update(const Session& session, const Session* exact, const Look& lo
 /// Filtered lattices while the first sample is on its way, then the whole frame again and again.
 bool Screen::beauty(const Session& session, const std::function<bool()>& keepGoing) {
   const FrameBuffers& frame = session.shownFrame();
-  const std::uint32_t spacing = lattice::spacing(frame.tiles.coarseCells());
   const double progress = progressOf(frame);
+  std::uint32_t spacing = lattice::spacing(frame.tiles.coarseCells());
+  // Where most tiles have more than every second pixel, all that there is is shown.
+  if (spacing == 2 && progress >= kMixedFrom) spacing = 1;
   if (!job_) {
     if (spacing == 0 || (hold_ && spacing > 2)) return false;
     const bool finer = spacing_ == 0 || spacing < spacing_;

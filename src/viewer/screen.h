@@ -24,6 +24,8 @@ class Screen {
   /// Nothing more can be shown of the frame as it is.
   bool complete(const Session& session, const Session* exact, const ViewState& state) const;
   std::uint32_t spacing() const { return spacing_; }
+  /// A picture is under way that takes more than one step.
+  bool filtering() const { return job_.has_value(); }
 
  private:
   bool beauty(const Session& session, const std::function<bool()>& keepGoing);

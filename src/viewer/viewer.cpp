@@ -281,7 +281,10 @@ void Viewer::Impl::work(double deadline, StepReport& report) {
   const bool pausedNow = state.paused && screen.showsGeneration();
   // What the screen needs is kept free; the first picture of a change is worth more than samples.
   const bool fresh = !screen.showsGeneration();
-  const double reserve = std::min(screenSeconds * 1.3 + 0.0015, 0.6 * (deadline - secondsNow()));
+  const double left = deadline - secondsNow();
+  const double reserve = fresh                ? std::min(screenSeconds * 1.3 + 0.001, 0.5 * left)
+                         : screen.filtering() ? 0.4 * left
+                                              : std::min(0.004, 0.2 * left);
   const double half = state.split && exact && !fresh ? 0.5 * (deadline - secondsNow()) : 0.0;
   if (!pausedNow) {
     const double until = deadline - reserve - half;

@@ -29,7 +29,7 @@ parser.add_argument("--only", default="response,quality,budget,open,idle")
 parser.add_argument("--scenes", default=",".join(SCENES))
 parser.add_argument("--device", default="auto")
 options = parser.parse_args()
-SHARED = os.environ.get("TREX_SHARED", "/work/shared")
+SHARED = os.environ.get("TREX_SHARED", os.path.join(ROOT, "../shared"))
 TRANSIENT = tempfile.TemporaryDirectory(prefix="trex-viewer-bars-")
 
 
