@@ -13,6 +13,7 @@
 #include "src/core/hash.h"
 #include "src/core/log.h"
 #include "src/core/version.h"
+#include "src/scene/import.h"
 
 namespace trex {
 namespace fs = std::filesystem;

@@ -6,6 +6,7 @@
 
 #include "src/core/memory.h"
 #include "src/core/version.h"
+#include "src/scene/import.h"
 
 namespace trex {
 namespace {
