@@ -55,11 +55,13 @@ void CameraControl::setFieldOfView(float radians) {
   camera_.verticalFov = std::clamp(radians, kLeastFov, kMostFov);
 }
 
-/// A world axis that the camera holds level, y first; its own up if it is rolled.
+/// A world axis that the camera holds level: y, or z of a model that stands on its xy plane; the
+/// camera's own up if it is rolled.
 void CameraControl::chooseVertical() {
-  const dvec3 right = rightOf(camera_), up(camera_.up);
+  const dvec3 right = rightOf(camera_), up(camera_.up), x(1, 0, 0), y(0, 1, 0), z(0, 0, 1);
+  const bool standsOnXy = std::abs(up.y) < 1e-6 && up.z > 0.0;
   vertical_ = up;
-  for (const dvec3& axis : {dvec3(0, 1, 0), dvec3(0, 0, 1), dvec3(1, 0, 0)}) {
+  for (const dvec3& axis : {standsOnXy ? z : y, standsOnXy ? y : z, x}) {
     if (std::abs(glm::dot(right, axis)) > 1e-3) continue;
     vertical_ = glm::dot(up, axis) < -1e-6 ? -axis : axis;
     return;

@@ -38,23 +38,25 @@ const char* lightTypeName(Light::Type type) {
   }
 }
 
-Light newLight(Light::Type type, const Camera& camera, double distance, double sceneSize) {
+Light newLight(Light::Type type, const Look& look, double distance, double sceneSize) {
+  const Camera& camera = look.camera;
   Light light;
   light.type = type;
   light.name = lightTypeName(type);
-  light.position =
-      camera.eye + 0.6 * distance * dvec3(camera.forward) + 0.2 * distance * dvec3(camera.up);
-  light.direction = camera.forward;
+  const dvec3 pivot = camera.eye + distance * dvec3(camera.forward);
+  light.position = pivot + distance * (0.2 * dvec3(camera.up) - 0.4 * dvec3(camera.forward));
+  light.direction = vec3(glm::normalize(pivot - light.position));
+  // A surface of albedo 0.5 then sends out half of what the screen shows as white.
+  const float irradiance = kPi * std::exp2(-look.exposure);
   if (type == Light::Type::kDirectional) {
     light.direction = glm::normalize(vec3(-0.4f, -1.0f, -0.3f));
-    setLight(light, vec3(1.0f), 3.0f);
+    setLight(light, vec3(1.0f), irradiance);
     return light;
   }
   light.radius = static_cast<float>(0.01 * sceneSize);
   if (type == Light::Type::kSpot) light.innerConeAngle = 0.6f * light.outerConeAngle;
-  // The power that gives the pivot's surroundings about 3 W/m^2.
-  const double intensity = 3.0 * 0.2 * distance * distance;
-  setLight(light, vec3(1.0f), static_cast<float>(intensity) * lightSolidAngle(light));
+  const auto away = static_cast<float>(glm::length(pivot - light.position));
+  setLight(light, vec3(1.0f), irradiance * away * away * lightSolidAngle(light));
   return light;
 }
 

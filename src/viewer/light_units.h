@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "src/scene/scene.h"
+#include "src/scene/look.h"
 
 namespace trex {
 
@@ -21,9 +21,9 @@ void setLight(Light& light, const vec3& color, float power);
 /// "point", "spot", "sun".
 const char* lightTypeName(Light::Type type);
 
-/// A new light in front of a camera, at `distance` from its eye: a lamp that lights the pivot as a
-/// 100 W bulb does a table, scaled to the scene; a sun of 3 W/m^2 that shines obliquely down.
-Light newLight(Light::Type type, const Camera& camera, double distance, double sceneSize);
+/// A new light between the camera's eye and the pivot `distance` away: with the look's exposure it
+/// brings a grey surface there to the middle of the screen's range. A sun shines obliquely down.
+Light newLight(Light::Type type, const Look& look, double distance, double sceneSize);
 
 /// Emission as colour and strength: the colour's largest channel is 1 (white if there is none).
 void splitEmission(const vec3& emission, vec3& color, float& strength);

@@ -46,16 +46,21 @@ TEST(LightUnits, AWholePointLightShinesAllAround) {
   EXPECT_NEAR(lightSolidAngle(Light{}), 4.0f * kPi, 1e-5f);
 }
 
-TEST(LightUnits, NewLightsAreInFrontOfTheCamera) {
-  Camera camera;
-  camera.eye = dvec3(0.0, 0.0, 5.0);
+TEST(LightUnits, NewLightsSuitTheExposure) {
+  Look look;
+  look.camera.eye = dvec3(0.0, 0.0, 5.0);
+  look.exposure = 2.0f;
   for (const Light::Type type : {Light::Type::kPoint, Light::Type::kSpot}) {
-    const Light light = newLight(type, camera, 5.0, 3.0);
+    const Light light = newLight(type, look, 5.0, 3.0);
     EXPECT_LT(light.position.z, 5.0);
-    EXPECT_GT(maxComponent(light.intensity), 0.0f);
+    EXPECT_GT(light.position.z, 0.0);
     EXPECT_GT(light.radius, 0.0f);
     EXPECT_LE(light.innerConeAngle, light.outerConeAngle);
+    const double squared = glm::dot(light.position, light.position);
+    const double shown = 4.0 * 0.5 / double(kPi) * double(light.intensity.x) / squared;
+    EXPECT_NEAR(shown, 0.5, 1e-4);
   }
+  EXPECT_NEAR(lightPower(newLight(Light::Type::kDirectional, look, 5.0, 3.0)), kPi / 4.0f, 1e-5f);
 }
 
 TEST(LightUnits, Emission) {

@@ -17,7 +17,7 @@ void addButtons(Ui& ui) {
     if (!ImGui::Button(lightTypeName(type))) continue;
     Look look = ui.viewer.look();
     const double distance = glm::length(ui.camera->pivot() - look.camera.eye);
-    look.lights.push_back(newLight(type, look.camera, distance, ui.camera->sceneSize()));
+    look.lights.push_back(newLight(type, look, distance, ui.camera->sceneSize()));
     ui.editor.commit(look, fmt::format("Add {}", lightTypeName(type)));
     ui.selectLight(static_cast<int>(look.lights.size()) - 1);
   }

@@ -55,6 +55,7 @@ void applyStyle(float scale) {
   c[ImGuiCol_WindowBg] = grey(0.11f, 0.94f);
   c[ImGuiCol_PopupBg] = grey(0.13f, 0.98f);
   c[ImGuiCol_MenuBarBg] = grey(0.13f);
+  c[ImGuiCol_TitleBg] = c[ImGuiCol_TitleBgActive] = grey(0.18f);
   c[ImGuiCol_FrameBg] = grey(0.20f);
   c[ImGuiCol_FrameBgHovered] = grey(0.26f);
   c[ImGuiCol_FrameBgActive] = grey(0.30f);

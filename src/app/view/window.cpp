@@ -98,6 +98,7 @@ void Window::catchInput() {
     event.repeated = action == GLFW_REPEAT;
     event.shift = (mods & GLFW_MOD_SHIFT) != 0;
     event.control = (mods & GLFW_MOD_CONTROL) != 0;
+    if (event.down) windowOf(window).pressed_.push_back(key);
     addEvent(window, event);
   });
   glfwSetMouseButtonCallback(window_, [](GLFWwindow* window, int button, int action, int mods) {
@@ -191,7 +192,15 @@ void Window::setClipboard(const std::string& text) {
 void Window::beginPanels() {
   ImGui_ImplVulkan_NewFrame();
   ImGui_ImplGlfw_NewFrame();
+  // A key that was pressed and let go since the last frame is down for this one.
+  for (const int key : pressed_) {
+    if (key >= 0) ImGui::GetIO().KeysDown[key] = true;
+  }
   ImGui::NewFrame();
+  for (const int key : pressed_) {
+    if (key >= 0) ImGui::GetIO().KeysDown[key] = keyDown(key);
+  }
+  pressed_.clear();
 }
 
 void Window::present(const ScreenImage& picture) {

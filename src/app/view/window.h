@@ -83,6 +83,7 @@ class Window {
   std::unique_ptr<Drawing> drawing_;
   float scale_ = 1.0f;
   std::vector<InputEvent> events_;
+  std::vector<int> pressed_;  ///< keys, since the last frame
   bool activity_ = true;
 };
 
