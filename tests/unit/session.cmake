@@ -1,4 +1,5 @@
-add_executable(session_test ${CMAKE_CURRENT_LIST_DIR}/session_test.cpp)
+add_executable(session_test ${CMAKE_CURRENT_LIST_DIR}/session_test.cpp
+  ${CMAKE_CURRENT_LIST_DIR}/scheduler_test.cpp ${CMAKE_CURRENT_LIST_DIR}/look_test.cpp)
 target_link_libraries(session_test PRIVATE trex_session GTest::gtest_main)
 gtest_discover_tests(session_test PROPERTIES TIMEOUT 600)
 add_test(NAME capture_test COMMAND ${Python3_EXECUTABLE} ${CMAKE_CURRENT_LIST_DIR}/capture_test.py

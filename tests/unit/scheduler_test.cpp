@@ -1,0 +1,131 @@
+// The order of samples: nothing twice, nothing left out, nobody waits too long.
+#include "src/session/scheduler.h"
+
+#include <gtest/gtest.h>
+
+#include <map>
+#include <set>
+
+#include "src/frame/lattice.h"
+
+namespace trex {
+namespace {
+
+constexpr std::uint32_t kWidth = 640, kHeight = 360;
+
+TileScheduler make(TileScheduler::Order order, std::uint32_t width = kWidth,
+                   std::uint32_t height = kHeight) {
+  return {makeTiles(width, height, 64), order, width, height};
+}
+
+TEST(Lattice, EveryPlaceOnceAndLevelsAreEven) {
+  std::set<std::pair<std::uint32_t, std::uint32_t>> seen;
+  for (std::uint32_t cell = 0; cell < lattice::kCells; ++cell) {
+    const lattice::Place p = lattice::kPlaces[cell];
+    seen.emplace(p.x, p.y);
+    const std::uint32_t spacing = lattice::spacing(cell + 1);
+    if (cell + 1 != 4 && cell + 1 != 16 && cell + 1 != 64) continue;
+    EXPECT_EQ(seen.size(), cell + 1);
+    for (const auto& [x, y] : seen) EXPECT_EQ((x % spacing) + (y % spacing), 0u);
+  }
+  EXPECT_EQ(seen.size(), 64u);
+}
+
+TEST(TileScheduler, SweepsGiveEveryTileOneSampleInOrder) {
+  TileScheduler s = make(TileScheduler::Order::kSweep);
+  const auto tiles = static_cast<std::uint32_t>(s.tiles().size());
+  for (std::uint32_t sample = 0; sample < 3; ++sample) {
+    for (std::uint32_t tile = 0; tile < tiles; ++tile) {
+      EXPECT_EQ(s.samplesDone(), sample);
+      EXPECT_EQ(s.tilesDone(), tile);
+      const auto unit = s.next();
+      ASSERT_TRUE(unit.has_value());
+      EXPECT_EQ(unit->tile, tile);
+      EXPECT_EQ(unit->sample, sample);
+      EXPECT_EQ(unit->firstCell, 0u);
+      EXPECT_EQ(unit->endCell, 64u);
+    }
+  }
+  TileScheduler again = make(TileScheduler::Order::kSweep);
+  again.restore(3, 5);
+  EXPECT_EQ(again.next()->tile, 5u);
+}
+
+TEST(TileScheduler, PerceptionGivesEachCellOnceAndStopsAtTheBarrier) {
+  TileScheduler s = make(TileScheduler::Order::kPerception, 200, 136);
+  s.setBarrier(5);
+  std::map<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>, int> given;
+  for (int frame = 0; frame < 10'000 && !s.atBarrier(); ++frame) {
+    s.beginFrame(vec2(0.2f, 0.7f), 512);
+    for (int i = 0; i < 4; ++i) {
+      const auto unit = s.next();
+      if (!unit) break;
+      ASSERT_LT(unit->firstCell, unit->endCell);
+      for (std::uint32_t c = unit->firstCell; c < unit->endCell; ++c) {
+        ++given[{unit->tile, unit->sample, c}];
+      }
+    }
+  }
+  EXPECT_TRUE(s.atBarrier());
+  EXPECT_FALSE(s.next().has_value());
+  EXPECT_EQ(given.size(), s.tiles().size() * 5 * 64);
+  for (const auto& [cell, times] : given) EXPECT_EQ(times, 1);
+}
+
+/// Longest time, in frames, that a tile waits if a frame has so many units.
+std::uint32_t longestWait(std::uint32_t width, std::uint32_t height, int unitsAFrame) {
+  TileScheduler s = make(TileScheduler::Order::kPerception, width, height);
+  for (std::uint32_t tile = 0; tile < s.tiles().size(); ++tile) {
+    s.setError(tile, tile == 3 ? 1e6f : 1e-3f);  // one tile wants everything
+  }
+  std::uint32_t longest = 0;
+  for (int frame = 0; frame < 400; ++frame) {
+    s.beginFrame(vec2(0.5f), 1024);
+    for (int i = 0; i < unitsAFrame; ++i) s.next();
+    longest = std::max(longest, s.longestWait());
+  }
+  return longest;
+}
+
+TEST(TileScheduler, NoTileWaitsLongerThanPromised) {
+  // As many units a frame as the share of those that wait needs: tiles / 16, and the best ones.
+  EXPECT_LE(longestWait(640, 360, 10), TileScheduler::kMostFrames);
+  EXPECT_LE(longestWait(1280, 720, 32), TileScheduler::kMostFrames);
+}
+
+TEST(TileScheduler, NearThePointerAndNoisyTilesComeFirst) {
+  TileScheduler s = make(TileScheduler::Order::kPerception);
+  s.beginFrame(vec2(0.1f, 0.1f), 4096);
+  const auto first = s.next();
+  ASSERT_TRUE(first.has_value());
+  const Tile& t = s.tiles()[first->tile];
+  EXPECT_LT(t.x, 64u * 2);
+  EXPECT_LT(t.y, 64u * 2);
+  while (s.coarseCells() < 16) s.next();
+  for (std::uint32_t tile = 0; tile < s.tiles().size(); ++tile) s.setError(tile, 0.001f);
+  s.setError(7, 1.0f);
+  int served = 0;
+  for (int frame = 0; frame < 20; ++frame) {
+    s.beginFrame(vec2(0.5f), 1024);
+    for (int i = 0; i < 20; ++i) {
+      const auto unit = s.next();
+      served += unit && unit->tile == 7;
+    }
+  }
+  EXPECT_GT(served, 80) << "of 400 units, 60 tiles";
+}
+
+TEST(TileScheduler, ACoarseFrameOfAllTilesComesBeforeAnythingElse) {
+  TileScheduler s = make(TileScheduler::Order::kPerception);
+  s.beginFrame(vec2(0.5f), 4096);
+  const std::size_t tiles = s.tiles().size();
+  for (std::size_t i = 0; i < tiles; ++i) EXPECT_EQ(s.next()->endCell, 1u);
+  EXPECT_EQ(s.coarseCells(), 1u);
+  EXPECT_EQ(s.spacingAt(639, 359), 8u);
+  s.restart();
+  EXPECT_EQ(s.coarseCells(), 0u);
+  EXPECT_EQ(s.spacingAt(0, 0), 0u);
+}
+
+}  // namespace
+}  // namespace trex
