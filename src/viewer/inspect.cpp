@@ -57,11 +57,13 @@ vec3 voxelView(const asvo::Tree& tree, const vec3& origin, const vec3& direction
   const float edge = tree.info.size / static_cast<float>(1u << depth);
   const vec3 lower(tree.info.lowerX, tree.info.lowerY, tree.info.lowerZ);
   int axis = 0;
+  bool outside = t > 0.0f;  // the eye may stand in a voxel: those around it are passed
   const float hair = edge * 1e-3f;
   while (t < leave) {
     const vec3 at = origin + direction * (t + hair);
     const std::uint32_t voxel = tracer.asvoFind(at, depth);
-    if (voxel != asvo::ASVO_NONE) {
+    outside |= voxel == asvo::ASVO_NONE;
+    if (voxel != asvo::ASVO_NONE && outside) {
       const std::uint32_t c = tree.voxels[2 * std::size_t{voxel}].z;
       const vec3 albedo(static_cast<float>(c & 255u), static_cast<float>((c >> 8) & 255u),
                         static_cast<float>((c >> 16) & 255u));
@@ -135,7 +137,7 @@ std::function<vec3(const FrameBuffers&, std::uint32_t, std::uint32_t)> viewOf(
           [&](Pixel x, Pixel y) { return static_cast<float>(frame.sums.samples(x, y)); }, least,
           largest);
       return [largest](Frame f, Pixel x, Pixel y) {
-        return heat(static_cast<float>(f.sums.samples(x, y)) / std::max(largest, 1.0f));
+        return heat(0.75f * static_cast<float>(f.sums.samples(x, y)) / std::max(largest, 1.0f));
       };
     default:
       return [](Frame f, Pixel x, Pixel y) {

@@ -50,7 +50,8 @@ bool Screen::update(const Session& session, const Session* exact, const Look& lo
     spacing_ = 0;
     progress_ = 0.0;
     inspectedCells_ = 0;
-    hold_ = false;
+    hold_ = shown_ = false;
+    linear_.clear();  // of another view
   }
   bool changed = false;
   if (state.mode == ViewMode::kBeauty) {
