@@ -208,8 +208,7 @@ void LightSet::addLuminaires(const Scene& scene, const dvec3& renderOrigin) {
 }
 
 /// The triangles of one instance; an object of several meshes of one material is one luminaire.
-void LightSet::addLuminaire(const Mesh& mesh, const Instance& instance,
-                            const dvec3& renderOrigin) {
+void LightSet::addLuminaire(const Mesh& mesh, const Instance& instance, const dvec3& renderOrigin) {
   const auto material = static_cast<std::uint32_t>(mesh.material);
   const auto object = static_cast<std::uint32_t>(instance.object);
   if (luminance(materialRadiance_[material]) <= 0.0f || !visibility_.shows(object)) return;

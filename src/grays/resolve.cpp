@@ -36,8 +36,7 @@ struct Sums {
 struct LightResolver::Work {
  public:
   Work(const asvo::Tree& tree, std::span<const std::uint32_t> direct,
-           std::span<const std::uint32_t> indirect, double wattsPerCount,
-           std::span<asvo::uvec4> light)
+       std::span<const std::uint32_t> indirect, double wattsPerCount, std::span<asvo::uvec4> light)
       : tree_(tree),
         tracer_(tree),
         direct_(direct),
@@ -76,12 +75,12 @@ struct LightResolver::Work {
     const std::uint32_t first = tree_.levelOffsets[l], end = tree_.levelOffsets[l + 1];
     for (; first + next_ < end; next_ += kPiece) {
       if (next_ > 0 && !keepGoing()) return false;
-      tbb::parallel_for(
-          tbb::blocked_range<std::uint32_t>(first + next_, std::min(first + next_ + kPiece, end),
-                                            256),
-          [&](const tbb::blocked_range<std::uint32_t>& range) {
-            for (std::uint32_t node = range.begin(); node != range.end(); ++node) function(node);
-          });
+      tbb::parallel_for(tbb::blocked_range<std::uint32_t>(
+                            first + next_, std::min(first + next_ + kPiece, end), 256),
+                        [&](const tbb::blocked_range<std::uint32_t>& range) {
+                          for (std::uint32_t node = range.begin(); node != range.end(); ++node)
+                            function(node);
+                        });
     }
     return true;
   }

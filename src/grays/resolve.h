@@ -45,8 +45,8 @@ class LightBuffers {
   /// As LightResolver::advance(); once done front() has the result. A slice under way is forgotten
   /// if the photons differ from the last call's.
   bool resolve(const asvo::Tree& tree, std::span<const std::uint32_t> direct,
-               std::span<const std::uint32_t> indirect, double wattsPerCount,
-               std::uint64_t photons, const std::function<bool()>& keepGoing);
+               std::span<const std::uint32_t> indirect, double wattsPerCount, std::uint64_t photons,
+               const std::function<bool()>& keepGoing);
   /// The sums have changed: what is under way is void.
   void restart() { resolver_.reset(); }
 

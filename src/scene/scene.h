@@ -142,7 +142,7 @@ struct Scene {
   std::vector<Light> lights;
   std::vector<Camera> cameras;  ///< at least one after importScene
   Environment environment;
-  std::vector<std::string> objects;    ///< names by object id
+  std::vector<std::string> objects;  ///< names by object id
   /// Triangles of materials that shine by an edit, decoded again; world places, one object each.
   struct AddedEmitter {
     Mesh mesh;
