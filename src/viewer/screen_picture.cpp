@@ -6,34 +6,39 @@
 #include <array>
 #include <bit>
 #include <cmath>
+#include <utility>
 
 #include "src/frame/image_file.h"
 
 namespace trex {
 namespace {
 
-/// sRGB bytes by the upper bits of a float in [2^-14, 1): 16 steps of the mantissa more than one
-/// byte ever needs.
+/// sRGB bytes by the upper bits of a float in [2^-14, 1). Where a piece of that range holds more
+/// than one byte's values, the byte is computed: equal to ToneMap everywhere.
 class ByteTable {
  public:
   ByteTable() {
-    const ToneMap plain;
-    for (std::size_t i = 0; i < bytes_.size(); ++i) {
-      const auto bits = static_cast<std::uint32_t>((kFirst + i) << kShift) + (1u << (kShift - 1));
-      const float encoded = plain.apply(vec3(std::bit_cast<float>(bits))).x;
-      bytes_[i] = static_cast<std::uint8_t>(std::lround(encoded * 255.0f));
+    for (std::size_t i = 0; i < pieces_.size(); ++i) {
+      const auto first = static_cast<std::uint32_t>((kFirst + i) << kShift);
+      pieces_[i] = {exact(std::bit_cast<float>(first)),
+                    exact(std::bit_cast<float>(first + (1u << kShift) - 1))};
     }
   }
   std::uint8_t at(float x) const {
-    if (!(x > 0x1p-14f)) return 0;
+    if (!(x >= 0x1p-14f)) return 0;  // far below half a step
     if (x >= 1.0f) return 255;
-    return bytes_[(std::bit_cast<std::uint32_t>(x) >> kShift) - kFirst];
+    const auto& [low, high] = pieces_[(std::bit_cast<std::uint32_t>(x) >> kShift) - kFirst];
+    return low == high ? low : exact(x);
   }
 
  private:
+  static std::uint8_t exact(float x) {
+    return static_cast<std::uint8_t>(std::lround(ToneMap{}.apply(vec3(x)).x * 255.0f));
+  }
   static constexpr std::uint32_t kShift = 13;
   static constexpr std::size_t kFirst = std::size_t{(127 - 14) << 23} >> kShift;
-  std::array<std::uint8_t, (std::size_t{127 << 23} >> kShift) - kFirst> bytes_;
+  std::array<std::pair<std::uint8_t, std::uint8_t>, (std::size_t{127 << 23} >> kShift) - kFirst>
+      pieces_;
 };
 
 template <typename Pixel>

@@ -14,7 +14,7 @@ namespace trex {
 std::vector<vec3> stretch(const std::vector<vec3>& lattice, std::uint32_t width,
                           std::uint32_t height, std::uint32_t spacing, bool nearest);
 
-/// Exposure in stops, sRGB, 8 bits: as ToneMap within one step, by a table.
+/// Exposure in stops, sRGB, 8 bits: equal to what ToneMap writes to a file.
 void toneMapTo(const std::vector<vec3>& linear, float exposure, std::vector<std::uint8_t>& rgba);
 /// Values in [0, 1] as they are, for views that are not light.
 void writeValues(const std::vector<vec3>& values, std::vector<std::uint8_t>& rgba);

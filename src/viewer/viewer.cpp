@@ -52,6 +52,7 @@ bool Viewer::unsavedEdits() const { return impl_->history && impl_->history->uns
 StepReport Viewer::step(double seconds) { return impl_->step(seconds); }
 
 void Viewer::edit(const Look& look, bool commit, const std::string& what) {
+  impl_->exposureSet |= look.exposure != impl_->history->current().exposure;
   impl_->history->set(look, commit, what);
   impl_->lookChanged = true;
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 #include <numbers>
+#include <utility>
 
 #include "src/core/log.h"
 #include "src/core/memory.h"
@@ -133,7 +134,9 @@ void Viewer::savePicture(const fs::path& path) {
     return;
   }
   // A picture has no holes: the first sample of every pixel is finished first.
-  while (m.session->samplesDone() == 0) m.session->step([] { return true; }, m.state.pointer);
+  const bool paused = std::exchange(m.state.paused, false);
+  while (m.session->samplesDone() == 0) m.step(0.05);
+  m.state.paused = paused;
   Picture picture = m.session->picture();
   picture.metadata = {{"trex:version", kVersion},
                       {"trex:scene", m.input.string()},
