@@ -283,7 +283,8 @@ void Viewer::Impl::work(double deadline, StepReport& report) {
   // What the screen needs is kept free; the first picture of a change is worth more than samples.
   const bool fresh = !screen.showsGeneration();
   const double left = deadline - secondsNow();
-  const double reserve = fresh                ? std::min(screenSeconds * 1.3 + 0.001, 0.5 * left)
+  // A first picture also ends a little early: the window must show it within the budget.
+  const double reserve = fresh                ? std::min(screenSeconds * 1.3 + 0.006, 0.6 * left)
                          : screen.filtering() ? 0.4 * left
                                               : std::min(0.004, 0.2 * left);
   const double half = state.split && exact && !fresh ? 0.5 * (deadline - secondsNow()) : 0.0;
