@@ -170,7 +170,8 @@ void Session::follow(const Invalidation& what, const Camera& camera) {
 
 bool Session::aimAgain() {
   LightSide* side = nextLight();
-  if (side == nullptr || previewing()) return false;
+  // In the dark no photons have been asked for yet.
+  if (side == nullptr || side->pass == nullptr || previewing()) return false;
   if (!side->pass->guided() || settings_.aim == view_) return false;
   startLight();
   frame_->restart();

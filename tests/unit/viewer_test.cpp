@@ -247,6 +247,27 @@ TEST_F(ViewerTest, SizesAndHaste) {
   }
 }
 
+TEST_F(ViewerTest, CameraMovesInTheDark) {
+  ViewerOptions o = options();
+  o.edits = folder_ / "dark.json";
+  std::ofstream file(o.edits);
+  file << R"({"trex": 1, "materials": [{"index": 0, "emission": [0, 0, 0]})";
+  const Model model = openModel(kCornell, {});
+  for (std::size_t i = 1; i < model.scene.materials.size(); ++i) {
+    file << R"(, {"index": )" << i << R"(, "emission": [0, 0, 0]})";
+  }
+  file << "]}";
+  file.close();
+  Viewer viewer(o);
+  waitForMeshes(viewer);
+  settle(viewer);
+  Look look = viewer.look();
+  look.camera.eye.x += 0.1;
+  viewer.edit(look, true, "camera");
+  settle(viewer);  // past the time after which photons follow a camera
+  EXPECT_EQ(viewer.screen().rgba[0], 0);
+}
+
 TEST_F(ViewerTest, PausedStaysIdle) {
   Viewer viewer(options());
   waitForMeshes(viewer);
