@@ -111,11 +111,13 @@ constexpr int kPart = 128;
 constexpr int kLanes = static_cast<int>(hn::MaxLanes(DF()));
 static_assert(kPart % FilterPlanes::kRound == 0);
 
+// The arrays come first: aligned stores go to them, and each holds whole vectors.
 struct alignas(64) Part {
-  int width;  // rounded up to whole vectors
   float distance[kPart], power[kPart];
   float sum[kCellPlanes][kPart], weights[kPart];
+  int width;  // rounded up to whole vectors
 };
+static_assert(sizeof(float[kPart]) % 64 == 0);
 
 // How little the pixels of a part share with their neighbours by what they show: their weight is
 // power * exp(-distance), where power is the 32nd of the cosine between their normals. False if
