@@ -46,24 +46,24 @@ struct TraceContext {
   const Placement* placements;
 
   TraceContext(const Visibility& visibility, const std::vector<Placement>& placed)
-      : hidden(visibility.hidden.empty() ? nullptr : visibility.hidden.data()),
+      : hidden(visibility.hiddenObjects()),
         placements(placed.data()) {
     rtcInitIntersectContext(&embree);
     best.instance = RayScene::kWorldMesh;
     best.cluster = best.triangle = hccm::Hit::kNothing;
   }
-  bool hides(const hccm::Mesh& mesh, std::uint32_t cluster) const {
-    if (hidden == nullptr) return false;
+  /// Whether the placement under way is of a hidden object; clusters of the world see to themselves.
+  bool hides() const {
     const std::uint32_t instance = embree.instID[0];
-    return hidden[instance == RayScene::kWorldMesh
-                      ? mesh.clusterObject(cluster)
-                      : static_cast<std::uint32_t>(placements[instance].object)] != 0;
+    return hidden != nullptr && instance != RayScene::kWorldMesh &&
+           hidden[static_cast<std::uint32_t>(placements[instance].object)] != 0;
   }
   void prepare(const hccm::Mesh& mesh, const RTCRay& ray) {
     const std::uint32_t instance = embree.instID[0];
     if (!isPrepared || preparedFor != instance) {
       prepared = mesh.prepare({vec3(ray.org_x, ray.org_y, ray.org_z), ray.tnear,
                                vec3(ray.dir_x, ray.dir_y, ray.dir_z), ray.tfar});
+      if (instance == RayScene::kWorldMesh) prepared.hidden = hidden;
       preparedFor = instance;
       isPrepared = true;
       far = ray.tfar;
@@ -77,7 +77,9 @@ struct TraceContext {
 void boundsCallback(const RTCBoundsFunctionArguments* args) {
   const auto& mesh = *static_cast<const hccm::Mesh*>(args->geometryUserPtr);
   vec3 lower, upper;
-  mesh.clusterBounds(args->primID, lower, upper);
+  mesh.bounds(lower, upper);
+  const auto margin = static_cast<float>(2.0 * mesh.step());  // see hccmesh.h, "watertight"
+  lower -= margin, upper += margin;
   RTCBounds& b = *args->bounds_o;
   b.lower_x = lower.x, b.lower_y = lower.y, b.lower_z = lower.z;
   b.upper_x = upper.x, b.upper_y = upper.y, b.upper_z = upper.z;
@@ -87,7 +89,7 @@ void intersectCallback(const RTCIntersectFunctionNArguments* args) {
   if (args->N != 1 || args->valid[0] == 0) return;
   const auto& mesh = *static_cast<const hccm::Mesh*>(args->geometryUserPtr);
   auto& context = *reinterpret_cast<TraceContext*>(args->context);
-  if (context.hides(mesh, args->primID)) return;
+  if (context.hides()) return;
   auto& rayHit = *reinterpret_cast<RTCRayHit*>(args->rayhit);
   context.prepare(mesh, rayHit.ray);
   const std::uint32_t instance = args->context->instID[0];
@@ -99,7 +101,7 @@ void intersectCallback(const RTCIntersectFunctionNArguments* args) {
   } else if (instance > context.best.instance) {
     hit.cluster = hit.triangle = 0;
   }
-  if (!mesh.intersect(args->primID, context.prepared, hit)) return;
+  if (!mesh.intersect(context.prepared, hit)) return;
   context.best = {hit.t, hit.u, hit.v, instance, hit.cluster, hit.triangle};
   rayHit.ray.tfar = context.far = hit.t;
   rayHit.hit.geomID = args->geomID;
@@ -111,10 +113,10 @@ void occludedCallback(const RTCOccludedFunctionNArguments* args) {
   if (args->N != 1 || args->valid[0] == 0) return;
   const auto& mesh = *static_cast<const hccm::Mesh*>(args->geometryUserPtr);
   auto& context = *reinterpret_cast<TraceContext*>(args->context);
-  if (context.hides(mesh, args->primID)) return;
+  if (context.hides()) return;
   auto& ray = *reinterpret_cast<RTCRay*>(args->ray);
   context.prepare(mesh, ray);
-  if (mesh.occluded(args->primID, context.prepared)) ray.tfar = -kInfinity;
+  if (mesh.occluded(context.prepared)) ray.tfar = -kInfinity;
 }
 
 void setRay(RTCRay& ray, const vec3& origin, const vec3& direction, float tnear, float tfar,
@@ -130,6 +132,16 @@ void setRay(RTCRay& ray, const vec3& origin, const vec3& direction, float tnear,
   ray.time = 0.0f;
   ray.mask = 0xffffffffu;
   ray.id = ray.flags = 0;
+}
+
+// The same for a mesh alone.
+hccm::Ray meshRay(const vec3& origin, const vec3& direction, float tnear, float tfar,
+                  double shift) {
+  if (shift != 0.0) {
+    tnear = static_cast<float>(tnear - shift);
+    tfar = static_cast<float>(tfar - shift);
+  }
+  return {origin, std::max(tnear, 0.0f), direction, tfar};
 }
 
 bool countMemory(void* counter, ssize_t bytes, bool) {
@@ -167,11 +179,11 @@ struct Approach {
   }
 };
 
-// Clusters of a mesh as primitives of a scene.
+// A mesh as the one primitive of a geometry: it has a hierarchy of its own.
 void attachMesh(RTCDevice device, RTCScene scene, const hccm::Mesh& mesh, unsigned id) {
   const RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
   check(device, "making a geometry");
-  rtcSetGeometryUserPrimitiveCount(geometry, mesh.clusterCount());
+  rtcSetGeometryUserPrimitiveCount(geometry, 1);
   rtcSetGeometryUserData(geometry, const_cast<hccm::Mesh*>(&mesh));
   rtcSetGeometryBoundsFunction(geometry, boundsCallback, nullptr);
   rtcSetGeometryIntersectFunction(geometry, intersectCallback);
@@ -206,6 +218,8 @@ struct RayScene::Impl {
   Visibility visibility;
 
   void build(const Scene& scene);
+  bool intersectWorld(const vec3& start, const vec3& direction, float tnear, float tfar,
+                      double shift, RayHit& hit) const;
 
  private:
   void place(const Scene& scene);
@@ -242,6 +256,8 @@ void RayScene::Impl::attachInstance(std::size_t id) {
 
 void RayScene::Impl::build(const Scene& scene) {
   place(scene);
+  measure();
+  if (placements.empty()) return;  // the world's own hierarchy is all there is
   top.device = rtcNewDevice(nullptr);
   if (!top.device) fail(ExitCode::kMemoryOrDevice, "Embree: no device could be made");
   rtcSetDeviceMemoryMonitorFunction(top.device, countMemory, &embreeBytes);
@@ -257,7 +273,8 @@ void RayScene::Impl::build(const Scene& scene) {
     attachMesh(top.device, top.scene, parts.world, static_cast<unsigned>(placements.size()));
   rtcCommitScene(top.scene);
   check(top.device, "building a hierarchy");
-  measure();
+  statistics.topLevelBytes +=
+      static_cast<std::uint64_t>(std::max<std::int64_t>(0, embreeBytes.load()));
 }
 
 void RayScene::Impl::measure() {
@@ -266,6 +283,7 @@ void RayScene::Impl::measure() {
     s.uniqueTriangles += mesh.triangleCount();
     s.clusters += mesh.clusterCount();
     s.meshBytes += mesh.bytes().size();
+    s.topLevelBytes += mesh.topLevelBytes();
   };
   const hccm::Mesh& world = parts.world;
   add(world);
@@ -288,7 +306,17 @@ void RayScene::Impl::measure() {
   }
   if (!bounds.empty()) approach = {dvec3(bounds.centre()), 0.5 * glm::length(dvec3(bounds.size()))};
   s.instances = placements.size();
-  s.topLevelBytes = static_cast<std::uint64_t>(std::max<std::int64_t>(0, embreeBytes.load()));
+}
+
+bool RayScene::Impl::intersectWorld(const vec3& start, const vec3& direction, float tnear,
+                                    float tfar, double shift, RayHit& hit) const {
+  hccm::PreparedRay ray = parts.world.prepare(meshRay(start, direction, tnear, tfar, shift));
+  ray.hidden = visibility.hiddenObjects();
+  hccm::Hit h;
+  if (!parts.world.intersect(ray, h)) return false;
+  hit = {h.t, h.u, h.v, kWorldMesh, h.cluster, h.triangle};
+  if (shift != 0.0) hit.t = static_cast<float>(hit.t + shift);
+  return true;
 }
 
 RayScene::RayScene(const Scene& scene, Parts parts)
@@ -301,12 +329,14 @@ RayScene::~RayScene() = default;
 
 bool RayScene::intersect(const vec3& origin, const vec3& direction, float tnear, float tfar,
                          RayHit& hit) const {
-  TraceContext context(impl_->visibility, impl_->placements);
-  RTCRayHit rayHit;
   vec3 start = origin;
   double shift;
   if (!impl_->visibility.clip(origin, direction, tnear, tfar)) return false;
   if (!impl_->approach.bring(start, direction, shift)) return false;
+  if (impl_->placements.empty())
+    return impl_->intersectWorld(start, direction, tnear, tfar, shift, hit);
+  TraceContext context(impl_->visibility, impl_->placements);
+  RTCRayHit rayHit;
   setRay(rayHit.ray, start, direction, tnear, tfar, shift);
   rayHit.hit.geomID = rayHit.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   rtcIntersect1(impl_->top.scene, &context.embree, &rayHit);
@@ -317,12 +347,18 @@ bool RayScene::intersect(const vec3& origin, const vec3& direction, float tnear,
 }
 
 bool RayScene::occluded(const vec3& origin, const vec3& direction, float tnear, float tfar) const {
-  TraceContext context(impl_->visibility, impl_->placements);
-  RTCRay ray;
   vec3 start = origin;
   double shift;
   if (!impl_->visibility.clip(origin, direction, tnear, tfar)) return false;
   if (!impl_->approach.bring(start, direction, shift)) return false;
+  if (impl_->placements.empty()) {
+    const hccm::Mesh& world = impl_->parts.world;
+    hccm::PreparedRay ray = world.prepare(meshRay(start, direction, tnear, tfar, shift));
+    ray.hidden = impl_->visibility.hiddenObjects();
+    return world.occluded(ray);
+  }
+  TraceContext context(impl_->visibility, impl_->placements);
+  RTCRay ray;
   setRay(ray, start, direction, tnear, tfar, shift);
   if (!(ray.tfar >= 0.0f)) return false;
   rtcOccluded1(impl_->top.scene, &context.embree, &ray);

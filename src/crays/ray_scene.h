@@ -52,7 +52,7 @@ class RayScene {
   struct Statistics {
     std::uint64_t triangles = 0, uniqueTriangles = 0, clusters = 0, instances = 0;
     std::uint64_t meshBytes = 0,
-                  topLevelBytes = 0;  ///< HCCMesh buffers; Embree's own (its memory monitor)
+                  topLevelBytes = 0;  ///< HCCMesh buffers; hierarchies above clusters
   };
 
   /// The meshes that rays meet and where they stand: all that is costly to make of a scene.
