@@ -26,7 +26,7 @@ struct ImportOptions {
   bool environmentGiven = false;  ///< the caller sets Scene::environment itself: no default sky
 };
 
-/// Reads a model by its extension. Throws Error(kInput) that names the file, what is wrong in it
+/// Reads a model by its extension, or makes it if the path is a synth: name (synth.h). Throws Error(kInput) that names the file, what is wrong in it
 /// and where. Triangles with a non-finite vertex are dropped and counted; a scene without any
 /// triangle is an error, as is one that reaches beyond 1e18 m. A model with no light gets a soft
 /// sky, one with no camera a framing camera; both are said in Scene::warnings. Each warning is also
