@@ -149,6 +149,8 @@ class Mesh {
   std::uint32_t clusterMaterial(std::uint32_t cluster) const;
   std::uint32_t clusterObject(std::uint32_t cluster) const;
   Triangle triangle(std::uint32_t cluster, std::uint32_t index) const;
+  /// The blob of a cluster.
+  std::span<const std::byte> clusterBytes(std::uint32_t cluster) const;
 
   PreparedRay prepare(const Ray& ray) const;
   /// Sets the far end of a prepared ray, in units of its direction.

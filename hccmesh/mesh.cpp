@@ -127,6 +127,11 @@ std::uint32_t Mesh::clusterObject(std::uint32_t cluster) const {
   return clusterOf(blob(cluster)).object;
 }
 
+std::span<const std::byte> Mesh::clusterBytes(std::uint32_t cluster) const {
+  const std::byte* b = blob(cluster);
+  return {b, layout::offsetsOf(clusterOf(b)).end};
+}
+
 Triangle Mesh::triangle(std::uint32_t cluster, std::uint32_t index) const {
   const std::byte* b = blob(cluster);
   const layout::ClusterHeader& h = clusterOf(b);

@@ -198,6 +198,15 @@ std::uint64_t checksumOf(std::span<const std::byte> bytes) {
   return XXH3_64bits_digest(state.get());
 }
 
+ClusterSummary validateCluster(std::span<const std::byte> blob, std::uint64_t at) {
+  const ClusterCheck check(blob.data(), blob.size(), at);
+  ClusterSummary s;
+  std::copy_n(check.bounds().lower, 3, s.lower);
+  std::copy_n(check.bounds().upper, 3, s.upper);
+  s.triangles = check.triangles();
+  return s;
+}
+
 void validate(std::span<const std::byte> bytes) {
   const layout::Header h = checkHeader(bytes);
   const std::uint64_t end = bytes.size() - layout::kTailBytes;
@@ -220,10 +229,11 @@ void validate(std::span<const std::byte> bytes) {
   tbb::parallel_for(std::size_t{0}, sums.size(), [&](std::size_t block) {
     const std::uint64_t stop = std::min<std::uint64_t>(table.size(), (block + 1) * kBlock);
     for (std::uint64_t i = block * kBlock; i < stop; ++i) {
-      const ClusterCheck c(bytes.data() + begin(i), begin(i + 1) - begin(i), begin(i));
-      sums[block].bounds.extend(c.bounds().lower);
-      sums[block].bounds.extend(c.bounds().upper);
-      sums[block].triangles += c.triangles();
+      const ClusterSummary c =
+          validateCluster(bytes.subspan(begin(i), begin(i + 1) - begin(i)), begin(i));
+      sums[block].bounds.extend(c.lower);
+      sums[block].bounds.extend(c.upper);
+      sums[block].triangles += c.triangles;
     }
   });
   Sum all;
