@@ -107,6 +107,10 @@ Grid chooseGrid(const Extent& e, const BuildOptions& options) {
   };
   g.stepExponent = std::max(exponentFor(largest, options.precisionBits), exponentFor(furthest, 23));
   if (largest == 0.0 && furthest == 0.0) g.stepExponent = -24;
+  if (options.stepExponent) {
+    if (*options.stepExponent < exponentFor(furthest, 23)) refuse("the step given is too small");
+    g.stepExponent = *options.stepExponent;
+  }
   g.cells = std::ldexp(1.0, -g.stepExponent);
   return g;
 }

@@ -24,10 +24,11 @@ struct Range {
   std::size_t begin, end;
 };
 
-/// Orders references so that pieces of at most kPieceSize lie together; returns these from left to
+/// Orders references so that pieces of at most `pieceSize` lie together; returns these from left to
 /// right. Equal for any number of threads (oneTBB).
 inline constexpr std::size_t kPieceSize = 2048;
-std::vector<Range> splitIntoPieces(std::span<Reference> references);
+std::vector<Range> splitIntoPieces(std::span<Reference> references,
+                                   std::size_t pieceSize = kPieceSize);
 
 /// Splits one piece exactly: triangles are sorted along each axis once and every position is tried.
 class PieceSplitter {
