@@ -91,7 +91,11 @@ Grid chooseGrid(const Extent& e, const BuildOptions& options) {
   if (!options.chooseOrigin && !isFinite(options.gridOrigin)) refuse("gridOrigin is not finite");
   Grid g;
   g.origin = options.chooseOrigin ? glm::dvec3(0.0) : options.gridOrigin;
-  if (e.empty()) return g;
+  if (e.empty()) {
+    g.stepExponent = options.stepExponent.value_or(0);
+    g.cells = std::ldexp(1.0, -g.stepExponent);
+    return g;
+  }
   if (options.chooseOrigin) g.origin = e.lower * 0.5 + e.upper * 0.5;
   const glm::dvec3 size = e.upper - e.lower;
   const glm::dvec3 reach = glm::max(glm::abs(e.lower - g.origin), glm::abs(e.upper - g.origin));

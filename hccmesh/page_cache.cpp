@@ -1,6 +1,7 @@
 #include "hccmesh/page_cache.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 namespace hccm {
@@ -14,6 +15,23 @@ Mesh emptyMesh(int stepExponent) {
   return Mesh::build({}, options);
 }
 
+/// A ray against the box of a cluster, wider than the tests inside. Where it is entered goes to
+/// `entry`, cells.
+bool meets(const Mesh& mesh, std::uint32_t cluster, const PreparedRay& ray, float& entry) {
+  constexpr float kTolerance = 0x1p-18f;  // twice that of trace.cpp
+  glm::vec3 lower, upper;
+  mesh.clusterBounds(cluster, lower, upper);
+  float nearest = ray.tnear, farthest = ray.tfar;
+  for (int k = 0; k < 3; ++k) {
+    const float a = (lower[k] * ray.cells - ray.origin[k]) * ray.inverse[k];
+    const float b = (upper[k] * ray.cells - ray.origin[k]) * ray.inverse[k];
+    nearest = std::max(nearest, std::min(a, b));
+    farthest = std::min(farthest, std::max(a, b));
+  }
+  entry = nearest - std::abs(nearest) * kTolerance;
+  return entry <= farthest + std::abs(farthest) * kTolerance;
+}
+
 constexpr std::uint64_t kOverhead = 512;  ///< of a page: the object and its allocations, bytes
 constexpr std::uint32_t kReadAhead = 3;   ///< pages behind a missing one
 
@@ -23,10 +41,12 @@ void PageCache::Pin::release() {
   if (cache_ != nullptr) std::exchange(cache_, nullptr)->unpin(page_);
 }
 
-PageCache::PageCache(const PageFile& file, const PageTable& table, std::uint64_t limit)
+PageCache::PageCache(const PageFile& file, const PageTable& table, std::uint64_t limit,
+                     std::uint32_t materials)
     : file_(file),
       table_(table),
       limit_(limit),
+      materials_(materials),
       grid_(emptyMesh(table.stepExponent)),
       slots_(table.pages.size()) {
   if (limit < leastBytes(table))
@@ -113,6 +133,15 @@ void PageCache::reserve(std::uint64_t bytes, std::unique_lock<std::mutex>& lock)
   statistics_.peakBytes = std::max(statistics_.peakBytes, statistics_.bytes);
 }
 
+std::unique_ptr<Mesh> PageCache::read(std::uint32_t page) const {
+  auto mesh = std::make_unique<Mesh>(Mesh::fromPage(loadPage(file_, table_, page), grid_));
+  for (std::uint32_t c = 0; c < mesh->clusterCount(); ++c)
+    if (mesh->clusterMaterial(c) >= materials_)
+      throw FormatError(file_.place(table_.pages[page].offset) + ": page " + std::to_string(page) +
+                        " has a material that does not exist");
+  return mesh;
+}
+
 PageCache::Pin PageCache::load(std::uint32_t page) {
   Slot& slot = slots_[page];
   const PageEntry& entry = table_.pages[page];
@@ -133,7 +162,7 @@ PageCache::Pin PageCache::load(std::uint32_t page) {
         file_.readAhead(entry.offset + entry.packedBytes,
                         table_.pages[last].offset + table_.pages[last].packedBytes -
                             entry.offset - entry.packedBytes);
-      slot.mesh = std::make_unique<Mesh>(Mesh::fromPage(loadPage(file_, table_, page), grid_));
+      slot.mesh = read(page);
       lock.lock();
     } catch (...) {
       if (!lock.owns_lock()) lock.lock();
@@ -162,11 +191,12 @@ PageCache::Statistics PageCache::statistics() const {
   return statistics_;
 }
 
-PagedMesh::PagedMesh(PageTable table, std::unique_ptr<PageFile> file, std::uint64_t cacheBytes)
+PagedMesh::PagedMesh(PageTable table, std::unique_ptr<PageFile> file, std::uint64_t cacheBytes,
+                     std::uint32_t materials)
     : table_(std::move(table)),
       file_(std::move(file)),
       grid_(emptyMesh(table_.stepExponent)),
-      cache_(*file_, table_, cacheBytes) {}
+      cache_(*file_, table_, cacheBytes, materials) {}
 
 double PagedMesh::errorBound() const { return std::sqrt(0.75) * grid_.step(); }
 
@@ -192,9 +222,24 @@ bool PagedMesh::intersect(std::uint32_t group, PreparedRay& ray, Hit& hit, Pin& 
       local.cluster = local.triangle = 0;
     }
   }
+  const Mesh& mesh = pin.mesh();
   bool found = false;
-  for (std::uint32_t c = g.first; c < std::uint32_t{g.first} + g.count; ++c)
-    found |= pin.mesh().intersect(c, ray, local);
+  if (g.count == 1) {
+    found = mesh.intersect(g.first, ray, local);
+  } else {
+    float entry[kGroupClusters];
+    std::uint32_t met = 0;
+    for (std::uint32_t i = 0; i < g.count; ++i)
+      if (meets(mesh, g.first + i, ray, entry[i])) met |= 1u << i;
+    while (met != 0) {  // nearest box first
+      int next = std::countr_zero(met);
+      for (std::uint32_t rest = met & (met - 1); rest != 0; rest &= rest - 1)
+        if (entry[std::countr_zero(rest)] < entry[next]) next = std::countr_zero(rest);
+      if (entry[next] > ray.tfar) break;
+      met &= ~(1u << next);
+      found |= mesh.intersect(g.first + static_cast<std::uint32_t>(next), ray, local);
+    }
+  }
   if (!found) return false;
   hit = local;
   hit.cluster += base;
@@ -204,8 +249,11 @@ bool PagedMesh::intersect(std::uint32_t group, PreparedRay& ray, Hit& hit, Pin& 
 bool PagedMesh::occluded(std::uint32_t group, PreparedRay& ray, Pin& pin) const {
   const PageGroup& g = table_.groups[group];
   reach(g.page, pin);
-  for (std::uint32_t c = g.first; c < std::uint32_t{g.first} + g.count; ++c)
-    if (pin.mesh().occluded(c, ray)) return true;
+  const Mesh& mesh = pin.mesh();
+  for (std::uint32_t c = g.first; c < std::uint32_t{g.first} + g.count; ++c) {
+    float entry;
+    if ((g.count == 1 || meets(mesh, c, ray, entry)) && mesh.occluded(c, ray)) return true;
+  }
   return false;
 }
 

@@ -57,7 +57,9 @@ class PageCache {
 
   /// `limit`: bytes of pages in memory, at least leastBytes(). File and table must outlive it.
   /// Throws std::invalid_argument for a limit that is too small.
-  PageCache(const PageFile& file, const PageTable& table, std::uint64_t limit);
+  /// A page with a material of `materials` or beyond counts as damaged.
+  PageCache(const PageFile& file, const PageTable& table, std::uint64_t limit,
+            std::uint32_t materials = 0xffffffffu);
   ~PageCache();
   PageCache(const PageCache&) = delete;
   PageCache& operator=(const PageCache&) = delete;
@@ -85,12 +87,14 @@ class PageCache {
   bool tryPin(Slot& slot);
   void unpin(std::uint32_t page);
   Pin load(std::uint32_t page);
+  std::unique_ptr<Mesh> read(std::uint32_t page) const;
   bool evictOne();
   void reserve(std::uint64_t bytes, std::unique_lock<std::mutex>& lock);
 
   const PageFile& file_;
   const PageTable& table_;
   const std::uint64_t limit_;
+  const std::uint32_t materials_;
   Mesh grid_;
   std::vector<Slot> slots_;
   mutable std::mutex mutex_;  ///< of everything below
@@ -107,7 +111,9 @@ class PagedMesh {
   using Pin = PageCache::Pin;
 
   /// `cacheBytes`: limit of pages in memory. Throws std::invalid_argument if it is less than a page.
-  PagedMesh(PageTable table, std::unique_ptr<PageFile> file, std::uint64_t cacheBytes);
+  /// `materials`: those of clusters are below.
+  PagedMesh(PageTable table, std::unique_ptr<PageFile> file, std::uint64_t cacheBytes,
+            std::uint32_t materials = 0xffffffffu);
 
   const PageTable& table() const { return table_; }
   PageCache::Statistics statistics() const { return cache_.statistics(); }

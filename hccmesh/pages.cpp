@@ -90,7 +90,7 @@ void checkGroups(const PageTable& table) {
 }  // namespace
 
 void PageTable::add(const BuiltPage& page) {
-  if (pages.size() >= kMostPages) throw std::invalid_argument("hccm: more than 2^20 pages");
+  if (pages.size() >= kMostPages) throw std::invalid_argument("hccm: more than 2^22 pages");
   const bool first = pages.empty();
   PageEntry entry = page.entry;
   entry.offset = first ? 0 : pages.back().offset + pages.back().packedBytes;

@@ -27,9 +27,9 @@
 namespace hccm {
 
 inline constexpr std::uint32_t kPageTableVersion = 1;
-inline constexpr std::uint32_t kPageClusters = 4096;   ///< at most, a page
+inline constexpr std::uint32_t kPageClusters = 1024;   ///< at most, a page
 inline constexpr std::uint32_t kGroupClusters = 8;     ///< at most, a group
-inline constexpr std::uint32_t kMostPages = 1u << 20;  ///< of one mesh
+inline constexpr std::uint32_t kMostPages = 1u << 22;  ///< of one mesh: numbers of clusters have 32 bits
 
 /// One page's entry in the table.
 struct PageEntry {

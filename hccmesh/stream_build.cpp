@@ -18,7 +18,6 @@
 namespace hccm {
 namespace {
 
-constexpr std::size_t kPageTriangles = std::size_t{1} << 15;  ///< at most, of one build
 constexpr std::size_t kPageBlobBytes = std::size_t{1} << 19;  ///< where a page is cut
 
 using GroupKey = std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>;
@@ -143,7 +142,8 @@ float areaOf(const float* lower, const float* upper) {
 }
 
 /// Neighbours join a group as long as its box is hardly larger than theirs together.
-std::vector<PageGroup> groupsOf(const Mesh& mesh, std::uint32_t first, std::uint32_t end) {
+std::vector<PageGroup> groupsOf(const Mesh& mesh, std::uint32_t first, std::uint32_t end,
+                                std::uint32_t most) {
   constexpr float kLoose = 1.5f;
   std::vector<PageGroup> out;
   float areas = 0.0f;
@@ -151,7 +151,7 @@ std::vector<PageGroup> groupsOf(const Mesh& mesh, std::uint32_t first, std::uint
     glm::vec3 lower, upper;
     mesh.clusterBounds(c, lower, upper);
     const float own = areaOf(&lower[0], &upper[0]);
-    if (!out.empty() && out.back().count < kGroupClusters) {
+    if (!out.empty() && out.back().count < most) {
       PageGroup joined = out.back();
       for (int k = 0; k < 3; ++k) {
         joined.lower[k] = std::min(joined.lower[k], lower[k]);
@@ -174,7 +174,8 @@ std::vector<PageGroup> groupsOf(const Mesh& mesh, std::uint32_t first, std::uint
   return out;
 }
 
-BuiltPage packPage(const Mesh& mesh, std::uint32_t first, std::uint32_t end) {
+BuiltPage packPage(const Mesh& mesh, std::uint32_t first, std::uint32_t end,
+                   std::uint32_t groupClusters) {
   std::vector<std::span<const std::byte>> blobs;
   BuiltPage page;
   for (std::uint32_t c = first; c < end; ++c) {
@@ -186,13 +187,13 @@ BuiltPage packPage(const Mesh& mesh, std::uint32_t first, std::uint32_t end) {
   page.entry.checksum = XXH3_64bits(page.packed.data(), page.packed.size());
   page.entry.bytes = static_cast<std::uint32_t>(unpackedBytes(page.packed));
   page.entry.clusters = end - first;
-  page.groups = groupsOf(mesh, first, end);
+  page.groups = groupsOf(mesh, first, end, groupClusters);
   return page;
 }
 
 /// Mostly one page; more where clusters are many or large.
 std::vector<BuiltPage> buildPiece(const Soup& soup, std::span<const Reference> references,
-                                  int stepExponent) {
+                                  int stepExponent, std::uint32_t groupClusters) {
   BuildOptions options;
   options.chooseOrigin = false;
   options.stepExponent = stepExponent;
@@ -205,7 +206,7 @@ std::vector<BuiltPage> buildPiece(const Soup& soup, std::span<const Reference> r
     std::size_t bytes = 0;
     while (end < count && end - first < kPageClusters && bytes < kPageBlobBytes)
       bytes += mesh.clusterBytes(end++).size();
-    out.push_back(packPage(mesh, first, end));
+    out.push_back(packPage(mesh, first, end, groupClusters));
     first = end;
   }
   if (!out.empty()) out.front().sizes = mesh.sizes();
@@ -287,6 +288,16 @@ struct Done {
 
 }  // namespace
 
+PageShape PageShape::forTriangles(std::uint64_t triangles) {
+  // Small models have small pages, so that a small cache holds some; large ones have groups, so that
+  // the hierarchy over them stays small.
+  constexpr std::uint64_t kPages = 256, kLeast = 512, kMost = 8192;
+  constexpr std::uint64_t kGroups = std::uint64_t{1} << 20, kFill = 110;
+  return {std::clamp(triangles / kPages, kLeast, kMost),
+          static_cast<std::uint32_t>(
+              std::clamp<std::uint64_t>(triangles / kFill / kGroups, 1, kGroupClusters))};
+}
+
 std::vector<Bucket> planBuckets(const Spill& spill, const StreamOptions& options) {
   std::vector<Bucket> out;
   std::uint64_t triangles = 0;
@@ -303,7 +314,7 @@ std::vector<Bucket> planBuckets(const Spill& spill, const StreamOptions& options
 }
 
 std::vector<BuiltPage> clusterChunks(const StreamFile& file, std::span<const SpillChunk> chunks,
-                                     int stepExponent) {
+                                     int stepExponent, const PageShape& shape) {
   std::vector<std::vector<BuiltPage>> built;
   {
     Soup soup;
@@ -317,12 +328,12 @@ std::vector<BuiltPage> clusterChunks(const StreamFile& file, std::span<const Spi
       forRuns(bytes, [&](const RunHeader& h, std::span<const std::byte> run) { soup.add(h, run); });
     }
     std::vector<Reference> references = referencesOf(soup);
-    const std::vector<Range> ranges = splitIntoPieces(references, kPageTriangles);
+    const std::vector<Range> ranges = splitIntoPieces(references, shape.pageTriangles);
     built.resize(ranges.size());
     tbb::parallel_for(std::size_t{0}, ranges.size(), [&](std::size_t i) {
       const std::span<const Reference> all(references);
       built[i] = buildPiece(soup, all.subspan(ranges[i].begin, ranges[i].end - ranges[i].begin),
-                            stepExponent);
+                            stepExponent, shape.groupClusters);
     });
   }
   std::vector<BuiltPage> out;
@@ -335,6 +346,7 @@ void buildPages(const std::filesystem::path& file, const Spill& spill,
                 std::span<const Bucket> buckets, std::size_t from, const StreamOptions& options,
                 const PageSink& sink, const std::function<void(std::size_t)>& done) {
   constexpr std::size_t kAtATime = 3;  // StreamOptions::bucketTriangles() knows
+  const PageShape shape = PageShape::forTriangles(spill.kept);
   WorkList list(file, spill, buckets, from, options);
   tbb::parallel_pipeline(
       kAtATime,
@@ -347,7 +359,7 @@ void buildPages(const std::filesystem::path& file, const Spill& spill,
           tbb::make_filter<Work, Done>(tbb::filter_mode::parallel,
                                        [&](const Work& work) {
                                          return Done{clusterChunks(list.file(), work.chunks,
-                                                                   options.grid.stepExponent),
+                                                                   options.grid.stepExponent, shape),
                                                      work.bucket, work.last};
                                        }) &
           tbb::make_filter<Done, void>(

@@ -114,8 +114,15 @@ void forRuns(std::span<const std::byte> chunk, const Function& run) {
 std::vector<SpillCell> spillAgain(StreamFile& file, const SpillCell& cell,
                                   std::uint32_t bufferBytes);
 
+/// How a mesh is cut into pages, by its size.
+struct PageShape {
+  std::size_t pageTriangles;    ///< at most, of one build
+  std::uint32_t groupClusters;  ///< at most
+  static PageShape forTriangles(std::uint64_t triangles);
+};
+
 /// Clusters and packs the triangles of some chunks.
 std::vector<BuiltPage> clusterChunks(const StreamFile& file, std::span<const SpillChunk> chunks,
-                                     int stepExponent);
+                                     int stepExponent, const PageShape& shape);
 
 }  // namespace hccm

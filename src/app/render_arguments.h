@@ -15,7 +15,7 @@ struct RenderArguments {
               denoise = "auto";
   std::vector<std::string> cameras;  ///< names or EYE/TARGET/UP/VFOV; "all"
   std::string path;                  ///< file of cameras, one a frame
-  std::string maxMemory, maxGpuMemory;
+  std::string maxMemory, maxGpuMemory, cache;
   std::vector<std::string> layers;
   std::string checkpoint;
   double checkpointSeconds = 60.0;

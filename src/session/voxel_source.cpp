@@ -8,12 +8,6 @@
 namespace trex {
 namespace {
 
-bool passesLight(const Material& m) {
-  const bool clear = m.transmission * (1.0f - m.metallic) > 0.5f && m.roughness < 0.2f;
-  const bool faint = m.alphaMode == AlphaMode::kBlend && m.baseColor.w < 0.5f;
-  return clear || faint;
-}
-
 vec3 textured(const Scene& scene, const Texture& texture, vec2 uv) {
   if (!texture.present()) return vec3(1.0f);
   return vec3(
@@ -21,6 +15,12 @@ vec3 textured(const Scene& scene, const Texture& texture, vec2 uv) {
 }
 
 }  // namespace
+
+bool passesLight(const Material& m) {
+  const bool clear = m.transmission * (1.0f - m.metallic) > 0.5f && m.roughness < 0.2f;
+  const bool faint = m.alphaMode == AlphaMode::kBlend && m.baseColor.w < 0.5f;
+  return clear || faint;
+}
 
 VoxelSource::VoxelSource(const Scene& scene, const dvec3& renderOrigin) : scene_(scene) {
   firsts_.push_back(0);
@@ -54,7 +54,6 @@ void VoxelSource::get(std::uint64_t i, asvo::Triangle& triangle) const {
 }
 
 asvo::Shade VoxelSource::shade(const asvo::Triangle& triangle, float u, float v) const {
-  const Material& m = scene_.materials[triangle.material];
   const auto after = std::upper_bound(firsts_.begin() + 1, firsts_.end() - 1, triangle.shadeKey);
   const auto which = static_cast<std::size_t>(after - firsts_.begin()) - 1;
   const Placed& placed = placed_[which];
@@ -64,14 +63,19 @@ asvo::Shade VoxelSource::shade(const asvo::Triangle& triangle, float u, float v)
     return (1.0f - u - v) * values(t.x) + u * values(t.y) + v * values(t.z);
   };
   vec2 uv(0.0f);
-  vec3 color(m.baseColor);
+  vec3 color(1.0f);
   if (!placed.mesh->texCoords.empty()) {
     uv = mix([&](std::uint32_t k) { return placed.mesh->texCoords[k]; });
   }
   if (!placed.mesh->colors.empty()) {
-    color *= mix([&](std::uint32_t k) { return vec3(placed.mesh->colors[k]) / 255.0f; });
+    color = mix([&](std::uint32_t k) { return vec3(placed.mesh->colors[k]) / 255.0f; });
   }
-  color *= textured(scene_, m.baseColorTexture, uv);
+  return shadeOf(scene_, triangle.material, uv, color);
+}
+
+asvo::Shade shadeOf(const Scene& scene, std::uint32_t material, vec2 uv, const vec3& vertexColor) {
+  const Material& m = scene.materials[material];
+  const vec3 color = vec3(m.baseColor) * vertexColor * textured(scene, m.baseColorTexture, uv);
   // The broad part of the specular lobe counts as diffuse, as Bsdf::cachedAlbedo() does.
   const float f0 = (m.ior - 1.0f) * (m.ior - 1.0f) / ((m.ior + 1.0f) * (m.ior + 1.0f));
   const vec3 gloss = m.specular * (f0 * m.specularColor + (1.0f - f0) / 21.0f);
@@ -79,7 +83,7 @@ asvo::Shade VoxelSource::shade(const asvo::Triangle& triangle, float u, float v)
   asvo::Shade out;
   out.albedo = glm::min((diffuse * (vec3(1.0f) - gloss) + gloss) * (1.0f - m.metallic), vec3(1.0f));
   if (m.unlit) out.albedo = vec3(0.0f);
-  out.emission = m.emission * textured(scene_, m.emissiveTexture, uv);
+  out.emission = m.emission * textured(scene, m.emissiveTexture, uv);
   out.emitsBack = m.doubleSided;
   return out;
 }

@@ -31,6 +31,12 @@ class VoxelSource : public asvo::TriangleSource {
   std::vector<std::uint64_t> firsts_;  ///< number of the first triangle of each, and the total
 };
 
+/// Whether light goes through a surface nearly unscattered: such are no voxels.
+bool passesLight(const Material& m);
+
+/// What a point of a surface contributes to its voxel; `color`: the vertices'.
+asvo::Shade shadeOf(const Scene& scene, std::uint32_t material, vec2 uv, const vec3& color);
+
 /// What photons need to know of each material when they meet a voxel.
 std::vector<shaderio::PhotonMaterial> photonMaterials(const Scene& scene);
 
