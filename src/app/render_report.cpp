@@ -21,7 +21,8 @@ bool filtered(const RenderSettings& s) { return s.denoise && s.exact < 1.0; }
 
 nlohmann::json summary(const RenderArguments& a, const View& view, const SessionReport& r,
                        double importSeconds, float exposure) {
-  return {{"input", a.input},
+  nlohmann::json out = {
+          {"input", a.input},
           {"output", view.output},
           {"camera", cameraText(view.camera)},
           {"width", a.settings.width},
@@ -60,6 +61,14 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
            r.estimatedError < 0.0 ? nlohmann::json() : nlohmann::json(r.estimatedError)},
           {"exposure_stops", exposure},
           {"peak_resident_bytes", peakResidentBytes()}};
+  if (r.mesh.pages == 0) return out;
+  out["pages"] = r.mesh.pages;
+  out["page_cache_bytes"] = r.mesh.cacheBytes;
+  out["page_peak_bytes"] = r.pages.peakBytes;
+  out["page_loads"] = r.pages.loads;
+  out["page_evictions"] = r.pages.evictions;
+  out["page_bytes_read"] = r.pages.bytesRead;
+  return out;
 }
 
 void addMetadata(Picture& picture, const RenderArguments& a, const View& view,

@@ -154,6 +154,7 @@ Scene sceneOfStream(const TriangleStream& stream) {
 std::unique_ptr<TriangleStream> openTriangleStream(const std::filesystem::path& path,
                                                    const ImportOptions& options) {
   if (isSynthName(path.string())) return openSynth(path.string());
+  if (auto stream = detail::openPlyStream(path, options)) return stream;
   return streamOf(importScene(path, options));
 }
 

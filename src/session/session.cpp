@@ -346,6 +346,7 @@ void Session::addLayers(std::uint32_t x, std::uint32_t y, std::vector<float>& va
 
 SessionReport Session::report() const {
   SessionReport out = report_;
+  out.pages = model_->rays->pageStatistics();
   if (voxels_) {
     out.photons = voxels_->light->emitted();
     out.photonsLanded = voxels_->light->landed();
