@@ -90,8 +90,8 @@ Grid gridAround(const glm::dvec3& lower, const glm::dvec3& upper, int depth) {
   extent = std::max(extent, std::max(far.x, std::max(far.y, far.z)) * 1e-5);
   if (!(extent > 0.0)) extent = 1.0;
   // Rounded to the floats that the tracer uses.
-  return {glm::dvec3(glm::vec3(lower - extent * 0.0017)),
-          static_cast<float>(extent * 1.0041), depth};
+  return {glm::dvec3(glm::vec3(lower - extent * 0.0017)), static_cast<float>(extent * 1.0041),
+          depth};
 }
 
 namespace {

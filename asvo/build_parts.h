@@ -90,8 +90,9 @@ class LeafBuilder {
 /// of voxels. Empty bounds: a unit cube.
 Grid gridAround(const glm::dvec3& lower, const glm::dvec3& upper, int depth);
 
-/// The leaves below the cell of a level with lower corner p (sub-voxels) and Morton code `key`, from
-/// the triangles of a list; in excess of maxLeaves it may stop. The order of the list decides bits.
+/// The leaves below the cell of a level with lower corner p (sub-voxels) and Morton code `key`,
+/// from the triangles of a list; in excess of maxLeaves it may stop. The order of the list decides
+/// bits.
 LeafList buildSubTree(const TriangleSource& source, const Grid& grid, std::uint64_t maxLeaves,
                       int level, const glm::vec3& p, std::uint64_t key,
                       std::vector<std::uint32_t> list);

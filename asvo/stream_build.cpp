@@ -53,9 +53,8 @@ class BlockBuilder {
       source.bounds(b, box.lower, box.upper);
       // In sub-voxels, a little wider than the rounding of all tests.
       const glm::dvec3 margin(4.0 * grid.tolerance());
-      boxes_.push_back(
-          {glm::vec3((glm::dvec3(box.lower) - grid.lower) * grid.scale() - margin),
-           glm::vec3((glm::dvec3(box.upper) - grid.lower) * grid.scale() + margin)});
+      boxes_.push_back({glm::vec3((glm::dvec3(box.lower) - grid.lower) * grid.scale() - margin),
+                        glm::vec3((glm::dvec3(box.upper) - grid.lower) * grid.scale() + margin)});
     }
     Cell root{0, glm::vec3(0.0f), 0, std::vector<std::uint32_t>(boxes_.size())};
     std::iota(root.blocks.begin(), root.blocks.end(), 0u);

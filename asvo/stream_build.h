@@ -31,7 +31,7 @@ class BlockSource {
 };
 
 struct StreamBuildOptions {
-  BuildOptions tree;  ///< without a cube of its own
+  BuildOptions tree;                                     ///< without a cube of its own
   std::uint64_t memoryBytes = std::uint64_t{256} << 20;  ///< for triangles at hand, all threads
   /// Asked after each part with the share that is done; false ends in std::runtime_error.
   std::function<bool(double)> keepGoing = [](double) { return true; };
@@ -39,9 +39,9 @@ struct StreamBuildOptions {
 
 /// Builds the tree from bounds alone first: cells of space are split until the blocks that meet one
 /// hold few enough triangles; then each cell is built from these blocks as Tree::build() does. The
-/// memory is that of the tree and `memoryBytes`, whatever the number of triangles. The same bits for
-/// any number of threads and any memoryBytes. Uses the threads of the calling oneTBB arena. Throws
-/// std::invalid_argument for options out of range.
+/// memory is that of the tree and `memoryBytes`, whatever the number of triangles. The same bits
+/// for any number of threads and any memoryBytes. Uses the threads of the calling oneTBB arena.
+/// Throws std::invalid_argument for options out of range.
 Tree buildFromBlocks(const BlockSource& source, const StreamBuildOptions& options);
 
 }  // namespace asvo

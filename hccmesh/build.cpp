@@ -172,7 +172,7 @@ struct Piece {
 };
 
 // One buffer out of all pieces, in their order.
-std::vector<std::byte> assemble(layout::Header& header, std::vector<Piece>& pieces) {
+Bytes assemble(layout::Header& header, std::vector<Piece>& pieces) {
   std::uint64_t clusters = 0, bytes = 0;
   std::vector<std::uint64_t> firstCluster, firstByte;
   for (const Piece& p : pieces) {
@@ -181,18 +181,19 @@ std::vector<std::byte> assemble(layout::Header& header, std::vector<Piece>& piec
     clusters += p.sizes.size();
     bytes += p.blobs.size();
   }
-  const std::uint64_t start = sizeof(header) + 4 * clusters;
+  const std::uint64_t start = layout::firstBlob(clusters);
   header.byteSize = start + bytes + layout::kTailBytes;
-  if (clusters > 0xffffffffu || header.byteSize > (4ull << 32)) refuse("the mesh is over 16 GiB");
+  if (clusters > 0xffffffffu || header.byteSize >> layout::kTableShift > 0xffffffffu)
+    refuse("the mesh is over 64 GiB");
   header.clusterCount = static_cast<std::uint32_t>(clusters);
-  std::vector<std::byte> out(header.byteSize);
+  Bytes out(header.byteSize);
   tbb::parallel_for(std::size_t{0}, pieces.size(), [&](std::size_t i) {
     Piece& p = pieces[i];
     std::uint64_t at = start + firstByte[i];
     if (!p.blobs.empty()) std::memcpy(out.data() + at, p.blobs.data(), p.blobs.size());
     std::byte* entry = out.data() + sizeof(header) + 4 * firstCluster[i];
     for (std::uint32_t size : p.sizes) {
-      const auto word = static_cast<std::uint32_t>(at / 4);
+      const auto word = static_cast<std::uint32_t>(at >> layout::kTableShift);
       std::memcpy(entry, &word, 4);
       entry += 4;
       at += size;

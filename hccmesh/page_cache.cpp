@@ -77,8 +77,7 @@ bool PageCache::tryPin(Slot& slot) {
 PageCache::Pin PageCache::pin(std::uint32_t page) {
   Slot& slot = slots_[page];
   if (!tryPin(slot)) return load(page);
-  if (slot.used.load(std::memory_order_relaxed) == 0)
-    slot.used.store(1, std::memory_order_relaxed);
+  if (slot.used.load(std::memory_order_relaxed) == 0) slot.used.store(1, std::memory_order_relaxed);
   Pin out;
   out.cache_ = this;
   out.page_ = page;
@@ -156,12 +155,12 @@ PageCache::Pin PageCache::load(std::uint32_t page) {
     try {
       reserve(bytesOf(entry), lock);
       lock.unlock();
-      const std::uint32_t last = std::min<std::uint32_t>(
-          page + kReadAhead, static_cast<std::uint32_t>(slots_.size()) - 1);
+      const std::uint32_t last =
+          std::min<std::uint32_t>(page + kReadAhead, static_cast<std::uint32_t>(slots_.size()) - 1);
       if (last > page)
-        file_.readAhead(entry.offset + entry.packedBytes,
-                        table_.pages[last].offset + table_.pages[last].packedBytes -
-                            entry.offset - entry.packedBytes);
+        file_.readAhead(entry.offset + entry.packedBytes, table_.pages[last].offset +
+                                                              table_.pages[last].packedBytes -
+                                                              entry.offset - entry.packedBytes);
       slot.mesh = read(page);
       lock.lock();
     } catch (...) {

@@ -110,8 +110,8 @@ class PagedMesh {
  public:
   using Pin = PageCache::Pin;
 
-  /// `cacheBytes`: limit of pages in memory. Throws std::invalid_argument if it is less than a page.
-  /// `materials`: those of clusters are below.
+  /// `cacheBytes`: limit of pages in memory. Throws std::invalid_argument if it is less than a
+  /// page. `materials`: those of clusters are below.
   PagedMesh(PageTable table, std::unique_ptr<PageFile> file, std::uint64_t cacheBytes,
             std::uint32_t materials = 0xffffffffu);
 

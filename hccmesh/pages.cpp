@@ -70,17 +70,17 @@ void checkGroups(const PageTable& table) {
   std::uint32_t page = 0, cluster = 0;
   for (std::size_t i = 0; i < table.groups.size(); ++i) {
     const PageGroup& g = table.groups[i];
-    const std::uint64_t at = sizeof(TableHeader) + table.pages.size() * sizeof(PageEntry) +
-                             i * sizeof(PageGroup);
-    check(page < table.pages.size() && g.page == page && g.first == cluster,
-          "groups out of order", at);
+    const std::uint64_t at =
+        sizeof(TableHeader) + table.pages.size() * sizeof(PageEntry) + i * sizeof(PageGroup);
+    check(page < table.pages.size() && g.page == page && g.first == cluster, "groups out of order",
+          at);
     check(g.count >= 1 && g.count <= kGroupClusters &&
               cluster + g.count <= table.pages[page].clusters,
           "group of wrong size", at);
     for (int k = 0; k < 3; ++k)
-      check(g.lower[k] <= g.upper[k] && table.lower[k] <= g.lower[k] &&
-                g.upper[k] <= table.upper[k],
-            "wrong bounds of a group", at);
+      check(
+          g.lower[k] <= g.upper[k] && table.lower[k] <= g.lower[k] && g.upper[k] <= table.upper[k],
+          "wrong bounds of a group", at);
     cluster += g.count;
     if (cluster == table.pages[page].clusters) ++page, cluster = 0;
   }
@@ -212,18 +212,19 @@ ClusterPage loadPage(const PageFile& file, const PageTable& table, std::uint32_t
 Mesh Mesh::fromPage(const ClusterPage& page, const Mesh& grid) {
   layout::Header header;
   std::memcpy(&header, grid.bytes().data(), sizeof(header));
-  const std::size_t start = sizeof(header) + 4 * page.count();
+  const std::size_t start = (sizeof(header) + 4 * page.count() + layout::kBlobUnit - 1) /
+                            layout::kBlobUnit * layout::kBlobUnit;
   header.clusterCount = static_cast<std::uint32_t>(page.count());
   header.byteSize = start + page.bytes.size();
-  std::vector<std::byte> bytes(header.byteSize);
-  std::memcpy(bytes.data(), &header, sizeof(header));
+  auto bytes = std::make_shared<std::vector<std::byte>>(header.byteSize);
+  std::memcpy(bytes->data(), &header, sizeof(header));
   for (std::size_t i = 0; i < page.count(); ++i) {
-    const auto word = static_cast<std::uint32_t>((start + page.offsets[i]) / 4);
-    std::memcpy(bytes.data() + sizeof(header) + 4 * i, &word, sizeof(word));
+    const auto place = static_cast<std::uint32_t>((start + page.offsets[i]) >> layout::kTableShift);
+    std::memcpy(bytes->data() + sizeof(header) + 4 * i, &place, sizeof(place));
   }
-  if (!page.bytes.empty())
-    std::memcpy(bytes.data() + start, page.bytes.data(), page.bytes.size());
-  return Mesh(std::move(bytes));
+  if (!page.bytes.empty()) std::memcpy(bytes->data() + start, page.bytes.data(), page.bytes.size());
+  const std::span<const std::byte> view(*bytes);
+  return Mesh(view, std::move(bytes));
 }
 
 }  // namespace hccm

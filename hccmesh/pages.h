@@ -4,8 +4,8 @@
 //   pages (on disk):  packed clusters of page 0 | of page 1 | ...      see FORMAT.md, "Pages"
 //
 // A group is up to kGroupClusters clusters that follow each other in one page and lie close
-// together. A hierarchy of the caller's choice goes over the groups' bounds; only a ray that meets a
-// group's box needs its page.
+// together. A hierarchy of the caller's choice goes over the groups' bounds; only a ray that meets
+// a group's box needs its page.
 //
 // Cluster numbers of hits are page * kPageClusters + number in the page, so a hit says where it is,
 // and on equal t the lower (cluster, triangle) wins as in a Mesh. What is hit does not depend on
@@ -27,9 +27,10 @@
 namespace hccm {
 
 inline constexpr std::uint32_t kPageTableVersion = 1;
-inline constexpr std::uint32_t kPageClusters = 1024;   ///< at most, a page
-inline constexpr std::uint32_t kGroupClusters = 8;     ///< at most, a group
-inline constexpr std::uint32_t kMostPages = 1u << 22;  ///< of one mesh: numbers of clusters have 32 bits
+inline constexpr std::uint32_t kPageClusters = 1024;  ///< at most, a page
+inline constexpr std::uint32_t kGroupClusters = 8;    ///< at most, a group
+inline constexpr std::uint32_t kMostPages =
+    1u << 22;  ///< of one mesh: numbers of clusters have 32 bits
 
 /// One page's entry in the table.
 struct PageEntry {

@@ -4,7 +4,8 @@
 //   source ─ quantise ─ cell ──► spill file: chunks of triangles, by cell
 //                                     │ neighbouring cells together, up to a bucket's size
 //                                     ▼
-//                                bucket: pieces by surface area ─ Mesh::build ─ packClusters ─► pages
+//                                bucket: pieces by surface area ─ Mesh::build ─ packClusters ─►
+//                                pages
 //
 // The order of cells is that of a k-d tree with its cuts in the middle, so pages follow each other
 // in space. A cell that is too large for memory is spilled again into smaller ones, up to
@@ -84,11 +85,11 @@ struct SpillCell {
 };
 
 struct Spill {
-  std::vector<SpillCell> cells;     ///< in spatial order; empty ones left out
-  std::uint64_t given = 0;          ///< triangles of the source
-  std::uint64_t kept = 0;           ///< of these
-  std::uint64_t nonFinite = 0;      ///< dropped: a corner is not finite
-  std::uint64_t flat = 0;           ///< dropped: two corners are one on the grid
+  std::vector<SpillCell> cells;  ///< in spatial order; empty ones left out
+  std::uint64_t given = 0;       ///< triangles of the source
+  std::uint64_t kept = 0;        ///< of these
+  std::uint64_t nonFinite = 0;   ///< dropped: a corner is not finite
+  std::uint64_t flat = 0;        ///< dropped: two corners are one on the grid
   std::uint64_t fileBytes = 0;
 
   std::vector<std::byte> toBytes() const;
@@ -102,7 +103,7 @@ struct StreamOptions {
   /// Asked from time to time with what is done, [0, 1]; false ends in std::runtime_error.
   std::function<bool(double)> keepGoing = [](double) { return true; };
 
-  std::uint64_t bucketTriangles() const;  ///< largest bucket
+  std::uint64_t bucketTriangles() const;   ///< largest bucket
   std::uint32_t spillBufferBytes() const;  ///< a cell
 };
 

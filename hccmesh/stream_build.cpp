@@ -118,7 +118,9 @@ class PageParts {
  private:
   Part part(const GroupKey& kind, std::size_t first, std::size_t count) const {
     const auto [material, object, flags] = kind;
-    const auto take = [&](const auto& array) { return std::span(array).subspan(3 * first, 3 * count); };
+    const auto take = [&](const auto& array) {
+      return std::span(array).subspan(3 * first, 3 * count);
+    };
     Part p;
     p.positions = take(positions_);
     p.triangles = std::span(triangles_).first(count);
@@ -289,10 +291,10 @@ struct Done {
 }  // namespace
 
 PageShape PageShape::forTriangles(std::uint64_t triangles) {
-  // Small models have small pages, so that a small cache holds some; large ones have groups, so that
-  // the hierarchy over them stays small.
+  // Small models have small pages, so that a small cache holds some; large ones have groups, so
+  // that the hierarchy over them stays small.
   constexpr std::uint64_t kPages = 256, kLeast = 512, kMost = 8192;
-  constexpr std::uint64_t kGroups = std::uint64_t{1} << 20, kFill = 110;
+  constexpr std::uint64_t kGroups = std::uint64_t{1} << 20, kFill = 220;
   return {std::clamp(triangles / kPages, kLeast, kMost),
           static_cast<std::uint32_t>(
               std::clamp<std::uint64_t>(triangles / kFill / kGroups, 1, kGroupClusters))};
@@ -350,25 +352,20 @@ void buildPages(const std::filesystem::path& file, const Spill& spill,
   WorkList list(file, spill, buckets, from, options);
   tbb::parallel_pipeline(
       kAtATime,
-      tbb::make_filter<void, Work>(tbb::filter_mode::serial_in_order,
-                                   [&](tbb::flow_control& control) {
-                                     Work work;
-                                     if (!list.next(work)) control.stop();
-                                     return work;
-                                   }) &
-          tbb::make_filter<Work, Done>(tbb::filter_mode::parallel,
-                                       [&](const Work& work) {
-                                         return Done{clusterChunks(list.file(), work.chunks,
-                                                                   options.grid.stepExponent, shape),
-                                                     work.bucket, work.last};
-                                       }) &
-          tbb::make_filter<Done, void>(
-              tbb::filter_mode::serial_in_order, [&](const Done& d) {
-                for (const BuiltPage& page : d.pages) sink(page);
-                if (d.last) done(d.bucket);
-                if (!options.keepGoing(double(d.bucket + 1) / double(buckets.size())))
-                  throw std::runtime_error("interrupted");
-              }));
+      tbb::make_filter<void, Work>(tbb::filter_mode::serial_in_order, [&](tbb::flow_control&
+                                                                              control) {
+        Work work;
+        if (!list.next(work)) control.stop();
+        return work;
+      }) & tbb::make_filter<Work, Done>(tbb::filter_mode::parallel, [&](const Work& work) {
+        return Done{clusterChunks(list.file(), work.chunks, options.grid.stepExponent, shape),
+                    work.bucket, work.last};
+      }) & tbb::make_filter<Done, void>(tbb::filter_mode::serial_in_order, [&](const Done& d) {
+        for (const BuiltPage& page : d.pages) sink(page);
+        if (d.last) done(d.bucket);
+        if (!options.keepGoing(double(d.bucket + 1) / double(buckets.size())))
+          throw std::runtime_error("interrupted");
+      }));
 }
 
 }  // namespace hccm

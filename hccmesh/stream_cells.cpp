@@ -30,8 +30,7 @@ CellGrid::CellGrid(const glm::ivec3& lower, const glm::ivec3& upper, int bits)
     for (std::size_t place = 0; place < places; ++place) {
       int bit = cuts[k];  // the first cut is the highest bit
       for (std::size_t i = 0; i < axes.size(); ++i)
-        if (axes[i] == k && (place >> --bit & 1u))
-          parts_[k][place] |= 1u << (axes.size() - 1 - i);
+        if (axes[i] == k && (place >> --bit & 1u)) parts_[k][place] |= 1u << (axes.size() - 1 - i);
     }
   }
 }

@@ -9,8 +9,8 @@
 
 namespace hccm {
 
-inline constexpr int kMostSpills = 6;       ///< of one triangle
-inline constexpr int kMostCellBits = 12;    ///< cells of one spill: 2^12
+inline constexpr int kMostSpills = 6;     ///< of one triangle
+inline constexpr int kMostCellBits = 12;  ///< cells of one spill: 2^12
 inline constexpr std::int32_t kBias = 1 << 23;
 inline constexpr std::size_t kCornerBytes = 9;
 

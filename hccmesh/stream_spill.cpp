@@ -92,8 +92,8 @@ class Quantiser {
       for (std::uint32_t i = starts[c]; i < starts[c + 1];) {
         std::uint32_t end = i + 1;
         while (end < starts[c + 1] && runOf[order[end]] == runOf[order[i]]) ++end;
-        putRun(b, b.runs[runOf[order[i]]], flags, corners,
-               std::span(order).subspan(i, end - i), out.bytes);
+        putRun(b, b.runs[runOf[order[i]]], flags, corners, std::span(order).subspan(i, end - i),
+               out.bytes);
         i = end;
       }
       out.segments.push_back({c, starts[c + 1] - starts[c], before, out.bytes.size() - before});

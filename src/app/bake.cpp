@@ -108,11 +108,11 @@ nlohmann::ordered_json bytesByPart(const std::vector<bundle::Section>& sections)
                                 {"voxel_bytes", 0},
                                 {"texture_bytes", 0}};
   for (const bundle::Section& s : sections) {
-    const char* part = s.name == "scene.json"      ? "scene_bytes"
+    const char* part = s.name == "scene.json"                                      ? "scene_bytes"
                        : s.name.ends_with(".hccm") || s.name.starts_with("world.") ? "hccmesh_bytes"
-                       : s.name == "emitters.bin"  ? "emitter_bytes"
-                       : s.name == "voxels.asvo"   ? "voxel_bytes"
-                                                   : "texture_bytes";
+                       : s.name == "emitters.bin"                                  ? "emitter_bytes"
+                       : s.name == "voxels.asvo"                                   ? "voxel_bytes"
+                                                 : "texture_bytes";
     out[part] = out[part].get<std::uint64_t>() + s.bytes;
   }
   return out;
@@ -214,9 +214,10 @@ bool wantsStream(const BakeArguments& a) {
 }
 
 void announce(const BakeArguments& a, const StreamEstimate& e, std::uint64_t triangles) {
-  logInfo("{}: streaming {} triangles; about {} of memory (allowed {}), {} of disk ({} free), {:.0f} s",
-          a.input, triangles, formatBytes(e.memory), formatBytes(e.allowed),
-          formatBytes(e.spillBytes + e.bundleBytes), formatBytes(e.freeBytes), e.seconds);
+  logInfo(
+      "{}: streaming {} triangles; about {} of memory (allowed {}), {} of disk ({} free), {:.0f} s",
+      a.input, triangles, formatBytes(e.memory), formatBytes(e.allowed),
+      formatBytes(e.spillBytes + e.bundleBytes), formatBytes(e.freeBytes), e.seconds);
 }
 
 void reportStream(const BakeArguments& a, const StreamBakeResult& r, const StreamEstimate& e,
@@ -329,7 +330,8 @@ void addBakeCommand(CLI::App& app) {
   c->add_option("--threads", a->threads, "CPU threads [all]")->check(CLI::Range(1, 4096));
   c->add_flag("--stream", a->stream,
               "Build out of core, through temporary files beside the bundle [if it does not fit]");
-  c->add_flag("--resume", a->resume, "Go on with a streamed bake that was stopped; implies --stream");
+  c->add_flag("--resume", a->resume,
+              "Go on with a streamed bake that was stopped; implies --stream");
   c->add_flag("--json", a->json, "Print a JSON summary on stdout");
   c->callback([a] { bake(*a); });
 }

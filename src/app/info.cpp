@@ -165,9 +165,8 @@ void addMeshes(Json& out, const RayScene& rays) {
 /// Loads every page, which checks its checksum and every cluster in it.
 void verifyPages(const hccm::PagedMesh& mesh) {
   try {
-    tbb::parallel_for(std::size_t{0}, mesh.table().pages.size(), [&](std::size_t page) {
-      mesh.page(static_cast<std::uint32_t>(page));
-    });
+    tbb::parallel_for(std::size_t{0}, mesh.table().pages.size(),
+                      [&](std::size_t page) { mesh.page(static_cast<std::uint32_t>(page)); });
   } catch (const hccm::FormatError& e) {
     fail(ExitCode::kInput, "{}; bake again", e.what());
   }

@@ -43,14 +43,13 @@ void Progress::show(double share, const std::string& what) {
       share > 0.0 ? fmt::format("{:.0f} s left", elapsed * (1.0 - share) / share) : "";
   const std::string memory = formatBytes(peakResidentBytes());
   if (!terminal_) {
-    logInfo("{:3.0f} %  {}  {:.0f} s  {}  {}", share * 100.0, what, elapsed, left,
-            memory);
+    logInfo("{:3.0f} %  {}  {:.0f} s  {}  {}", share * 100.0, what, elapsed, left, memory);
     return;
   }
   const int filled = static_cast<int>(share * 30.0);
   fmt::print(stderr, "\r[{:<30}] {:3.0f} %  {}  {:.0f} s  {}  {} \033[K",
-             std::string(static_cast<std::size_t>(filled), '='), share * 100.0, what, elapsed,
-             left, memory);
+             std::string(static_cast<std::size_t>(filled), '='), share * 100.0, what, elapsed, left,
+             memory);
   std::fflush(stderr);
   shown_ = true;
 }

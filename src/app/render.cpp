@@ -82,9 +82,9 @@ int render(RenderArguments& a) {
     importSeconds = seconds() - start;
     logVerbose("{}: {} triangles, {} unique, {} instances", a.input, scene.triangleCount(),
                scene.uniqueTriangleCount(), scene.instances.size());
-    const std::uint64_t baked =
-        isBundlePath(a.input) ? std::filesystem::file_size(a.input) - model.paged.disk
-                              : std::uint64_t{0};
+    const std::uint64_t baked = isBundlePath(a.input)
+                                    ? std::filesystem::file_size(a.input) - model.paged.disk
+                                    : std::uint64_t{0};
     const Preflight fit = preflight(scene, a.settings, layers, baked, model.paged.topLevel);
     model.voxelBytes = fit.voxelBytes;
     model.cacheBytes = cacheFor(a, model.paged, fit);
@@ -100,7 +100,9 @@ int render(RenderArguments& a) {
 void addRenderCommand(CLI::App& app, int& exitCode) {
   auto a = std::make_shared<RenderArguments>();
   CLI::App* c = app.add_subcommand("render", "Render a model to a picture without a window");
-  c->add_option("INPUT", a->input, "Model: .gltf .glb .ply .obj, a baked .trex, or synth:NAME?triangles=N&seed=S")->required();
+  c->add_option("INPUT", a->input,
+                "Model: .gltf .glb .ply .obj, a baked .trex, or synth:NAME?triangles=N&seed=S")
+      ->required();
   c->add_option("-o,--output", a->output, "Picture: .exr (linear) or .png (tone-mapped)")
       ->required();
   c->add_option("--size", a->size, "WxH in pixels")->capture_default_str();

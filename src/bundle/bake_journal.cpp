@@ -131,6 +131,8 @@ void BakeJournal::load(const std::string& key) {
 void BakeJournal::cut(std::size_t buckets, bool keepSpill) {
   end_ = buckets > 0 ? bucketEnds_[buckets - 1] : keepSpill && spillEnd_ > 0 ? spillEnd_ : keyEnd_;
   bucketEnds_.resize(buckets);
+  if (buckets_.size() > buckets) buckets_.resize(buckets);
+  if (!keepSpill) spillEnd_ = 0;
   if (::ftruncate(file_, static_cast<off_t>(end_)) != 0) failed();
 }
 

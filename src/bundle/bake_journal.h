@@ -1,7 +1,7 @@
 // What a streaming bake has done so far, kept beside its target so that the next one can go on.
 //
-// A file of records: type (u32), zero (u32), length (u64), bytes, XXH3-64 of all of these. The first
-// names the job; a record that is cut off or damaged ends the journal.
+// A file of records: type (u32), zero (u32), length (u64), bytes, XXH3-64 of all of these. The
+// first names the job; a record that is cut off or damaged ends the journal.
 #pragma once
 
 #include <cstdint>

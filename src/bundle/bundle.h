@@ -46,8 +46,8 @@ struct BundleReadOptions {
 BundleContents readBundle(std::span<const std::byte> bytes, std::shared_ptr<const void> owner,
                           const std::string& name, const BundleReadOptions& options = {});
 
-/// Gives the parts their paged mesh, if the bundle has one, with a limit of pages in memory (0: all).
-/// Throws Error(kMemoryOrDevice) if the limit is less than a page.
+/// Gives the parts their paged mesh, if the bundle has one, with a limit of pages in memory (0:
+/// all). Throws Error(kMemoryOrDevice) if the limit is less than a page.
 void attachPages(BundleContents& contents, std::uint64_t cacheBytes);
 
 /// A read-only map of a whole file. Throws Error(kInput).

@@ -81,16 +81,15 @@ void readPages(const Container& container, const std::shared_ptr<const void>& ow
     fail(ExitCode::kInput, "{}: world.table: {}; bake again", container.name(), e.what());
   }
   if (options.file.empty()) {
-    out.pageFile =
-        std::make_unique<bundle::MemoryPages>(pages, owner, container.name(), start);
+    out.pageFile = std::make_unique<bundle::MemoryPages>(pages, owner, container.name(), start);
   } else {
     out.pageFile = std::make_unique<bundle::FilePages>(options.file, start);
   }
 }
 
 std::size_t sectionsExpected(const bundle::Description& d, bool paged) {
-  return 2 + (paged ? 1 : 0) + d.sharedMeshes + (d.emitters.empty() ? 0 : 1) + (d.voxelDepth > 0 ? 1 : 0) +
-         d.scene.images.size() + (d.scene.environment.map ? 1 : 0);
+  return 2 + (paged ? 1 : 0) + d.sharedMeshes + (d.emitters.empty() ? 0 : 1) +
+         (d.voxelDepth > 0 ? 1 : 0) + d.scene.images.size() + (d.scene.environment.map ? 1 : 0);
 }
 
 /// Throws for sources that have changed; says which are gone.

@@ -9,7 +9,9 @@
 namespace trex::bundle {
 
 FilePages::FilePages(const std::filesystem::path& path, std::uint64_t start, ExitCode code)
-    : name_(path.string()), start_(start), code_(code),
+    : name_(path.string()),
+      start_(start),
+      code_(code),
       file_(::open(path.c_str(), O_RDONLY | O_CLOEXEC)) {
   if (file_ < 0) fail(code_, "{}: can't be opened: {}", name_, std::strerror(errno));
 }
@@ -22,7 +24,8 @@ void FilePages::read(std::uint64_t offset, std::span<std::byte> out) const {
     const ssize_t got = ::pread(file_, out.data(), out.size(), static_cast<off_t>(offset));
     if (got < 0 && errno == EINTR) continue;
     if (got < 0) fail(code_, "{}: can't be read: {}", where, std::strerror(errno));
-    if (got == 0) fail(code_, "{}: the file ends before; it was cut off since it was opened", where);
+    if (got == 0)
+      fail(code_, "{}: the file ends before; it was cut off since it was opened", where);
     out = out.subspan(static_cast<std::size_t>(got));
     offset += static_cast<std::uint64_t>(got);
   }

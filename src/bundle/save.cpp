@@ -30,11 +30,11 @@ class Sections {
       fail(ExitCode::kInput, "{}: more than {} meshes or images; a bundle can't hold them",
            facts.input, kMost);
     }
-    const bundle::Description description = bundle::describe(
-        scene,
-        {parts.renderOrigin, static_cast<std::uint32_t>(parts.shared.size()), parts.placed,
-         model.voxels.has_value()},
-        facts);
+    const bundle::Description description =
+        bundle::describe(scene,
+                         {parts.renderOrigin, static_cast<std::uint32_t>(parts.shared.size()),
+                          parts.placed, model.voxels.has_value()},
+                         facts);
     const std::string text = bundle::writeDescription(description);
     const auto bytes = std::as_bytes(std::span(text));
     add("scene.json", {bytes.begin(), bytes.end()});

@@ -238,15 +238,13 @@ class StreamBake {
     const std::uint64_t here = residentBytes();
     const std::uint64_t left = options_.maxMemory > here ? options_.maxMemory - here : 0;
     // A third for pages, a third for the triangles at hand, a third for the tree.
-    const std::uint64_t cache =
-        std::clamp<std::uint64_t>(left / 4, 4 * hccm::PageCache::leastBytes(table_),
-                                  std::max<std::uint64_t>(std::uint64_t{1} << 30,
-                                                          4 * hccm::PageCache::leastBytes(table_)));
-    const hccm::PagedMesh mesh(
-        table_,
-        std::make_unique<bundle::FilePages>(bundleFile(target_), bundle::kAlignment,
-                                            ExitCode::kOutput),
-        cache, static_cast<std::uint32_t>(scene_.materials.size()));
+    const std::uint64_t cache = std::clamp<std::uint64_t>(
+        left / 4, 4 * hccm::PageCache::leastBytes(table_),
+        std::max<std::uint64_t>(std::uint64_t{1} << 30, 4 * hccm::PageCache::leastBytes(table_)));
+    const hccm::PagedMesh mesh(table_,
+                               std::make_unique<bundle::FilePages>(
+                                   bundleFile(target_), bundle::kAlignment, ExitCode::kOutput),
+                               cache, static_cast<std::uint32_t>(scene_.materials.size()));
     asvo::BuildOptions build;
     build.depth = options_.voxelDepth;
     build.maxBytes = std::max(kFewestVoxelBytes, left / 4);
@@ -312,9 +310,9 @@ StreamEstimate estimateStreamBake(const TriangleStream& stream, const StreamBake
   const std::uint64_t build = buildBytesFor(options, held);
   // A third of the build goes into batches and compressors beyond its buffers; tables stay.
   const std::uint64_t most = std::min(build / 3 * 4, n * kBuildBytesATriangle);
-  e.memory = std::max(held + std::max(most, kLeastBuildBytes),
-                      kOtherBytes + 2 * kFewestVoxelBytes) +
-             n / 20 * kTableBytesATriangle;
+  e.memory =
+      std::max(held + std::max(most, kLeastBuildBytes), kOtherBytes + 2 * kFewestVoxelBytes) +
+      n / 20 * kTableBytesATriangle;
   e.spillBytes = n * kSpillBytesATriangle;
   e.bundleBytes = n * kBundleBytesATriangle;
   e.seconds = static_cast<double>(n) / kTrianglesASecond;
@@ -332,12 +330,13 @@ StreamEstimate estimateStreamBake(const TriangleStream& stream, const StreamBake
          stream.scene().source, n, formatBytes(e.memory), formatBytes(e.allowed));
   }
   if (e.spillBytes + e.bundleBytes > e.freeBytes) {
-    fail(ExitCode::kMemoryOrDevice,
-         "{}: {} triangles need about {} of disk ({} while it is sorted, {} for the bundle), {} has "
-         "{} free; free some, or bake to another disk",
-         stream.scene().source, n, formatBytes(e.spillBytes + e.bundleBytes),
-         formatBytes(e.spillBytes), formatBytes(e.bundleBytes), folder.string(),
-         formatBytes(e.freeBytes));
+    fail(
+        ExitCode::kMemoryOrDevice,
+        "{}: {} triangles need about {} of disk ({} while it is sorted, {} for the bundle), {} has "
+        "{} free; free some, or bake to another disk",
+        stream.scene().source, n, formatBytes(e.spillBytes + e.bundleBytes),
+        formatBytes(e.spillBytes), formatBytes(e.bundleBytes), folder.string(),
+        formatBytes(e.freeBytes));
   }
   return e;
 }
@@ -366,7 +365,7 @@ StreamBakeResult bakeStream(std::unique_ptr<TriangleStream> stream,
   } catch (const Error& e) {
     // What another process holds is its own.
     const bool held = std::string(e.what()).find("another bake") != std::string::npos;
-    if (e.code() == ExitCode::kOutput && !held) {
+    if (!held) {
       removeTemporaries(target);
     }
     throw;

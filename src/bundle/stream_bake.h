@@ -5,8 +5,8 @@
 //       pages ─ asvo::Tree ──► voxels
 //                              renamed to X.trex; the other two are removed
 //
-// Killed at any moment, the target is absent, or complete, or as it was. With `resume` the next bake
-// of the same source and settings goes on behind the last finished bucket.
+// Killed at any moment, the target is absent, or complete, or as it was. With `resume` the next
+// bake of the same source and settings goes on behind the last finished bucket.
 #pragma once
 
 #include <cstdint>

@@ -70,7 +70,9 @@ struct TraceContext {
 void boundsCallback(const RTCBoundsFunctionArguments* args) {
   const auto& mesh = *static_cast<const hccm::Mesh*>(args->geometryUserPtr);
   vec3 lower, upper;
-  mesh.clusterBounds(args->primID, lower, upper);
+  mesh.bounds(lower, upper);
+  const auto margin = static_cast<float>(2.0 * mesh.step());  // see hccmesh.h, "watertight"
+  lower -= margin, upper += margin;
   RTCBounds& b = *args->bounds_o;
   b.lower_x = lower.x, b.lower_y = lower.y, b.lower_z = lower.z;
   b.upper_x = upper.x, b.upper_y = upper.y, b.upper_z = upper.z;
@@ -106,7 +108,7 @@ void intersectCallback(const RTCIntersectFunctionNArguments* args) {
   auto& context = *reinterpret_cast<TraceContext*>(args->context);
   context.prepare(mesh, reinterpret_cast<RTCRayHit*>(args->rayhit)->ray);
   hccm::Hit hit = bestFor(context, args->context->instID[0]);
-  if (mesh.intersect(args->primID, context.prepared, hit)) takeHit(args, context, hit);
+  if (mesh.intersect(context.prepared, hit)) takeHit(args, context, hit);
 }
 
 void occludedCallback(const RTCOccludedFunctionNArguments* args) {
@@ -115,7 +117,7 @@ void occludedCallback(const RTCOccludedFunctionNArguments* args) {
   auto& context = *reinterpret_cast<TraceContext*>(args->context);
   auto& ray = *reinterpret_cast<RTCRay*>(args->ray);
   context.prepare(mesh, ray);
-  if (mesh.occluded(args->primID, context.prepared)) ray.tfar = -kInfinity;
+  if (mesh.occluded(context.prepared)) ray.tfar = -kInfinity;
 }
 
 void groupBoundsCallback(const RTCBoundsFunctionArguments* args) {
@@ -186,6 +188,16 @@ void setRay(RTCRay& ray, const vec3& origin, const vec3& direction, float tnear,
   ray.id = ray.flags = 0;
 }
 
+// The same for a mesh alone.
+hccm::Ray meshRay(const vec3& origin, const vec3& direction, float tnear, float tfar,
+                  double shift) {
+  if (shift != 0.0) {
+    tnear = static_cast<float>(tnear - shift);
+    tfar = static_cast<float>(tfar - shift);
+  }
+  return {origin, std::max(tnear, 0.0f), direction, tfar};
+}
+
 bool countMemory(void* counter, ssize_t bytes, bool) {
   static_cast<std::atomic<std::int64_t>*>(counter)->fetch_add(bytes, std::memory_order_relaxed);
   return true;
@@ -221,7 +233,8 @@ struct Approach {
   }
 };
 
-// Clusters of a mesh, or groups of a paged one, as primitives of a scene.
+// What a mesh is to a scene: one primitive, for it has a hierarchy of its own; of a mesh in pages,
+// one a group.
 struct Primitives {
   const void* mesh;
   std::uint32_t count;
@@ -230,7 +243,7 @@ struct Primitives {
   RTCOccludedFunctionN occluded;
 };
 Primitives primitivesOf(const hccm::Mesh& mesh) {
-  return {&mesh, mesh.clusterCount(), boundsCallback, intersectCallback, occludedCallback};
+  return {&mesh, 1, boundsCallback, intersectCallback, occludedCallback};
 }
 Primitives primitivesOf(const hccm::PagedMesh& mesh) {
   return {&mesh, mesh.groupCount(), groupBoundsCallback, intersectGroupCallback,
@@ -274,6 +287,10 @@ struct RayScene::Impl {
   Statistics statistics;
 
   void build(const Scene& scene);
+  /// Nothing but the merged mesh, in memory.
+  bool worldAlone() const { return placements.empty() && !parts.paged; }
+  bool intersectWorld(const vec3& start, const vec3& direction, float tnear, float tfar,
+                      double shift, RayHit& hit) const;
 
  private:
   void place(const Scene& scene);
@@ -312,6 +329,8 @@ void RayScene::Impl::attachInstance(std::size_t id) {
 
 void RayScene::Impl::build(const Scene& scene) {
   place(scene);
+  measure();
+  if (worldAlone()) return;  // the world's own hierarchy is all there is
   top.device = rtcNewDevice(nullptr);
   if (!top.device) fail(ExitCode::kMemoryOrDevice, "Embree: no device could be made");
   rtcSetDeviceMemoryMonitorFunction(top.device, countMemory, &embreeBytes);
@@ -329,7 +348,8 @@ void RayScene::Impl::build(const Scene& scene) {
   if (parts.paged) attachMesh(top.device, top.scene, primitivesOf(*parts.paged), worldId);
   rtcCommitScene(top.scene);
   check(top.device, "building a hierarchy");
-  measure();
+  statistics.topLevelBytes +=
+      static_cast<std::uint64_t>(std::max<std::int64_t>(0, embreeBytes.load()));
 }
 
 void RayScene::Impl::measure() {
@@ -338,6 +358,7 @@ void RayScene::Impl::measure() {
     s.uniqueTriangles += mesh.triangleCount();
     s.clusters += mesh.clusterCount();
     s.meshBytes += mesh.bytes().size();
+    s.topLevelBytes += mesh.topLevelBytes();
   };
   const hccm::Mesh& world = parts.world;
   add(world);
@@ -361,7 +382,16 @@ void RayScene::Impl::measure() {
   }
   if (!bounds.empty()) approach = {dvec3(bounds.centre()), 0.5 * glm::length(dvec3(bounds.size()))};
   s.instances = placements.size();
-  s.topLevelBytes = static_cast<std::uint64_t>(std::max<std::int64_t>(0, embreeBytes.load()));
+}
+
+bool RayScene::Impl::intersectWorld(const vec3& start, const vec3& direction, float tnear,
+                                    float tfar, double shift, RayHit& hit) const {
+  hccm::PreparedRay ray = parts.world.prepare(meshRay(start, direction, tnear, tfar, shift));
+  hccm::Hit h;
+  if (!parts.world.intersect(ray, h)) return false;
+  hit = {h.t, h.u, h.v, kWorldMesh, h.cluster, h.triangle};
+  if (shift != 0.0) hit.t = static_cast<float>(hit.t + shift);
+  return true;
 }
 
 void RayScene::Impl::measurePages(const hccm::PageTable& table) {
@@ -389,11 +419,12 @@ RayScene::~RayScene() = default;
 
 bool RayScene::intersect(const vec3& origin, const vec3& direction, float tnear, float tfar,
                          RayHit& hit) const {
-  TraceContext context;
-  RTCRayHit rayHit;
   vec3 start = origin;
   double shift;
   if (!impl_->approach.bring(start, direction, shift)) return false;
+  if (impl_->worldAlone()) return impl_->intersectWorld(start, direction, tnear, tfar, shift, hit);
+  TraceContext context;
+  RTCRayHit rayHit;
   setRay(rayHit.ray, start, direction, tnear, tfar, shift);
   rayHit.hit.geomID = rayHit.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   rtcIntersect1(impl_->top.scene, &context.embree, &rayHit);
@@ -405,11 +436,15 @@ bool RayScene::intersect(const vec3& origin, const vec3& direction, float tnear,
 }
 
 bool RayScene::occluded(const vec3& origin, const vec3& direction, float tnear, float tfar) const {
-  TraceContext context;
-  RTCRay ray;
   vec3 start = origin;
   double shift;
   if (!impl_->approach.bring(start, direction, shift)) return false;
+  if (impl_->worldAlone()) {
+    const hccm::Mesh& world = impl_->parts.world;
+    return world.occluded(world.prepare(meshRay(start, direction, tnear, tfar, shift)));
+  }
+  TraceContext context;
+  RTCRay ray;
   setRay(ray, start, direction, tnear, tfar, shift);
   if (!(ray.tfar >= 0.0f)) return false;
   rtcOccluded1(impl_->top.scene, &context.embree, &ray);

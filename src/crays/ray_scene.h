@@ -52,7 +52,7 @@ class RayScene {
   struct Statistics {
     std::uint64_t triangles = 0, uniqueTriangles = 0, clusters = 0, instances = 0;
     std::uint64_t meshBytes = 0,
-                  topLevelBytes = 0;  ///< HCCMesh buffers; Embree's own (its memory monitor)
+                  topLevelBytes = 0;  ///< HCCMesh buffers; hierarchies above clusters
     std::uint64_t pages = 0, packedBytes = 0, cacheBytes = 0;  ///< of a paged mesh; limit
   };
 

@@ -77,9 +77,12 @@ bool readLayout(const std::filesystem::path& path, Layout& out) {
     if (word == "element") {
       std::uint64_t number = 0;
       std::istringstream(name) >> number;
-      if (type == "vertex" && section.empty()) out.vertices = number;
-      else if (type == "face" && section == "vertex") out.faces = number;
-      else return false;
+      if (type == "vertex" && section.empty())
+        out.vertices = number;
+      else if (type == "face" && section == "vertex")
+        out.faces = number;
+      else
+        return false;
       section = type;
     }
     if (word == "property" && section == "vertex") {
@@ -152,7 +155,7 @@ class PlyStream : public TriangleStream {
 
  private:
   static constexpr std::uint64_t kTriangles = 1u << 14;  ///< of a batch, the last face's apart
-  static constexpr std::uint64_t kForget = 64;       ///< batches between two of Map::forget()
+  static constexpr std::uint64_t kForget = 64;           ///< batches between two of Map::forget()
   struct Start {
     std::size_t byte;
     std::uint64_t face;
@@ -186,8 +189,8 @@ class PlyStream : public TriangleStream {
       if (v % (std::uint64_t{1} << 24) == 0) map_.forget();
     }
     bounds_ = box;
-    if (!box.empty() && !glm::all(glm::lessThanEqual(glm::max(-box.lower, box.upper),
-                                                     dvec3(kMaxCoordinate)))) {
+    if (!box.empty() &&
+        !glm::all(glm::lessThanEqual(glm::max(-box.lower, box.upper), dvec3(kMaxCoordinate)))) {
       fail(ExitCode::kInput, "{}: reaches beyond {:.0e} m", scene_.source, kMaxCoordinate);
     }
     std::uint64_t inBatch = 0;

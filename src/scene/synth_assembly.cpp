@@ -28,9 +28,7 @@ struct Part {
   vec3 centre{0.0f}, axis{0.0f, 0.0f, 1.0f}, side{1.0f, 0.0f, 0.0f};  ///< axes orthonormal
   float length = 1.0f, radius = 0.1f, second = 0.0f;  ///< second radius, or thickness
   float turns = 0.0f, phase = 0.0f;                   ///< teeth, coils, ribs
-  std::uint64_t triangles() const {
-    return 2ull * around * along - (caps ? 2ull * around : 0ull);
-  }
+  std::uint64_t triangles() const { return 2ull * around * along - (caps ? 2ull * around : 0ull); }
 };
 
 constexpr float kTau = 2.0f * kPi;
@@ -88,9 +86,8 @@ class PartMesher {
     n = vec3(1.0f, 0.0f, 0.0f), b = vec3(0.0f, 1.0f, 0.0f), centre = vec3(0.0f, 0.0f, z);
     if (p_.shape == Shape::kSpring) {
       const float a = kTau * p_.turns * v, c = std::cos(a), s = std::sin(a);
-      const vec3 along =
-          glm::normalize(vec3(-s * p_.second * kTau * p_.turns, c * p_.second * kTau * p_.turns,
-                              p_.length));
+      const vec3 along = glm::normalize(
+          vec3(-s * p_.second * kTau * p_.turns, c * p_.second * kTau * p_.turns, p_.length));
       centre = vec3(p_.second * c, p_.second * s, z);
       n = vec3(c, s, 0.0f);
       b = glm::cross(along, n);
@@ -110,8 +107,8 @@ class PartMesher {
       }
       case Shape::kTank: {  // round ends and ribs
         const float e = std::abs(2.0f * v - 1.0f), end = std::max(0.0f, (e - 0.6f) / 0.4f);
-        return p_.radius * (std::sqrt(std::max(0.02f, 1.0f - end * end)) +
-                            0.02f * tooth(kTau * p_.turns * v));
+        return p_.radius *
+               (std::sqrt(std::max(0.02f, 1.0f - end * end)) + 0.02f * tooth(kTau * p_.turns * v));
       }
       case Shape::kBolt:
         return v < 0.62f ? p_.radius * (0.55f + 0.02f * std::sin(kTau * p_.turns * v)) : p_.radius;
@@ -129,8 +126,9 @@ class PartMesher {
     const float rust = 0.004f * r * std::sin(37.0f * v + p_.phase);
     for (std::uint32_t i = 0; i <= p_.around; ++i) {
       float x = r + rust * turn_[i].x * turn_[i].y;
-      if (hexagon) x /= std::max({std::abs(turn_[i].x), std::abs(0.5f * turn_[i].x + 0.866f * turn_[i].y),
-                                  std::abs(0.5f * turn_[i].x - 0.866f * turn_[i].y)});
+      if (hexagon)
+        x /= std::max({std::abs(turn_[i].x), std::abs(0.5f * turn_[i].x + 0.866f * turn_[i].y),
+                       std::abs(0.5f * turn_[i].x - 0.866f * turn_[i].y)});
       out[i] = world(centre + x * turn_[i].x * n + x * turn_[i].y * b);
     }
   }
@@ -142,9 +140,9 @@ class PartMesher {
     for (std::uint32_t i = 0; i <= p_.around; ++i) {
       const std::uint32_t at = i % p_.around;
       const bool above = at <= top;
-      const float x = above ? static_cast<float>(at) / static_cast<float>(top)
-                            : 1.0f - static_cast<float>(at - top - 1) /
-                                         static_cast<float>(p_.around - top - 2);
+      const float x =
+          above ? static_cast<float>(at) / static_cast<float>(top)
+                : 1.0f - static_cast<float>(at - top - 1) / static_cast<float>(p_.around - top - 2);
       const float across = (0.5f - x) * 2.0f * p_.radius;
       float height = above ? p_.second : -p_.second;
       const float pitch = 2.0f * p_.radius / p_.turns;
@@ -160,8 +158,9 @@ class PartMesher {
     const float v = static_cast<float>(j % p_.along) / static_cast<float>(p_.along);
     const vec2 place(std::cos(kTau * v), std::sin(kTau * v));
     // A rounded rectangle: pushed out to the square.
-    const vec2 section = place / std::pow(std::pow(std::abs(place.x), 8.0f) +
-                                              std::pow(std::abs(place.y), 8.0f), 0.125f);
+    const vec2 section =
+        place /
+        std::pow(std::pow(std::abs(place.x), 8.0f) + std::pow(std::abs(place.y), 8.0f), 0.125f);
     const float middle = 0.5f * (p_.radius + p_.second), half = 0.5f * (p_.radius - p_.second);
     for (std::uint32_t i = 0; i <= p_.around; ++i) {
       const float angle = static_cast<float>(i % p_.around) / static_cast<float>(p_.around);
@@ -277,7 +276,8 @@ class Layout {
                vec3(0.5f * edge_, 0.0f, 0.5f * edge_);
     orient(draw, p);
     p.phase = draw.unit() * kTau;
-    p.material = kFirstOfParts + static_cast<std::uint32_t>(draw.unit() * static_cast<float>(kOfParts));
+    p.material =
+        kFirstOfParts + static_cast<std::uint32_t>(draw.unit() * static_cast<float>(kOfParts));
     dimension(draw, pitch, p);
     return p;
   }
@@ -435,8 +435,8 @@ class Assembly : public TriangleStream {
       }
       return;
     }
-    const auto rows = static_cast<std::uint32_t>(
-        std::max<std::uint64_t>(1, kSlab / (2ull * p.around)));
+    const auto rows =
+        static_cast<std::uint32_t>(std::max<std::uint64_t>(1, kSlab / (2ull * p.around)));
     for (std::uint32_t row = 0; row < p.along; row += rows) {
       slabs_.push_back({i, i + 1, row, std::min(p.along, row + rows), kSlab});
     }
@@ -492,9 +492,10 @@ class Assembly : public TriangleStream {
       scene_.instances.push_back(std::move(instance));
     }
     const double e = layout.edge(), h = layout.height();
-    scene_.cameras = {synthCamera("hall", dvec3(-0.47 * e, 0.55 * h, 0.47 * e),
-                                  dvec3(0.12 * e, 0.05 * h, -0.1 * e), 50.0f),
-                      synthCamera("floor", dvec3(-0.3, 1.4, 0.42 * e), dvec3(0.4, 0.9, 0.0), 45.0f)};
+    scene_.cameras = {
+        synthCamera("hall", dvec3(-0.47 * e, 0.55 * h, 0.47 * e),
+                    dvec3(0.12 * e, 0.05 * h, -0.1 * e), 50.0f),
+        synthCamera("floor", dvec3(-0.3, 1.4, 0.42 * e), dvec3(0.4, 0.9, 0.0), 45.0f)};
   }
   void addPanel(const Part& p) {
     TriangleBatch panel;
@@ -503,7 +504,8 @@ class Assembly : public TriangleStream {
     m.name = scene_.objects.back();
     m.material = kGlow;
     m.positions = panel.positions;
-    for (std::uint32_t i = 0; i < m.positions.size(); i += 3) m.triangles.push_back({i, i + 1, i + 2});
+    for (std::uint32_t i = 0; i < m.positions.size(); i += 3)
+      m.triangles.push_back({i, i + 1, i + 2});
     Instance instance;
     instance.name = m.name;
     instance.mesh = static_cast<int>(scene_.meshes.size());
@@ -521,8 +523,7 @@ class Assembly : public TriangleStream {
 
 }  // namespace
 
-std::unique_ptr<TriangleStream> makeAssembly(const SynthRequest& request,
-                                             const std::string& name) {
+std::unique_ptr<TriangleStream> makeAssembly(const SynthRequest& request, const std::string& name) {
   return std::make_unique<Assembly>(request, name);
 }
 

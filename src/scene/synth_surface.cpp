@@ -108,8 +108,7 @@ class Terrain : public Sheet {
   Terrain(const SynthRequest& request, const std::string& name) : Sheet(request, name) {
     const double quads = std::max(1.0, static_cast<double>(request.triangles) / 2.0);
     tiling_.columns = static_cast<std::uint32_t>(std::max(1.0, std::round(std::sqrt(quads))));
-    tiling_.rows =
-        static_cast<std::uint32_t>(std::max(1.0, std::round(quads / tiling_.columns)));
+    tiling_.rows = static_cast<std::uint32_t>(std::max(1.0, std::round(quads / tiling_.columns)));
     finest_ = static_cast<float>(4.0 * kExtent / tiling_.columns);
     scene_.materials.push_back(synthMaterial("ground", vec3(0.36f, 0.33f, 0.26f), 0.0f, 1.0f));
     Light sun;
@@ -126,12 +125,11 @@ class Terrain : public Sheet {
     const double half = 0.5 * kExtent, height = 2.0 * kHeight;
     return {dvec3(-half, -height, -half), dvec3(half, height, half)};
   }
-  std::uint64_t triangleCount() const override {
-    return 2ull * tiling_.columns * tiling_.rows;
-  }
+  std::uint64_t triangleCount() const override { return 2ull * tiling_.columns * tiling_.rows; }
   std::uint64_t batchCount() const override { return tiling_.tiles(); }
   void batch(std::uint64_t number, TriangleBatch& out) const override {
-    fill(tiling_.tile(number), [&](std::uint32_t i, std::uint32_t j) { return vertex(i, j); }, out);
+    fill(
+        tiling_.tile(number), [&](std::uint32_t i, std::uint32_t j) { return vertex(i, j); }, out);
   }
 
  private:
@@ -168,9 +166,7 @@ class Scan : public Sheet {
         synthCamera("front", dvec3(1.6, 1.1, 3.2), dvec3(0.0, 0.0, 0.0), 38.0f));
   }
   Box3d bounds() const override { return {dvec3(-kReach), dvec3(kReach)}; }
-  std::uint64_t triangleCount() const override {
-    return 12ull * tiling_.columns * tiling_.rows;
-  }
+  std::uint64_t triangleCount() const override { return 12ull * tiling_.columns * tiling_.rows; }
   std::uint64_t batchCount() const override { return 6 * tiling_.tiles(); }
   void batch(std::uint64_t number, TriangleBatch& out) const override {
     const int side = static_cast<int>(number / tiling_.tiles());

@@ -63,8 +63,7 @@ class PageBlocks : public asvo::BlockSource {
 
   static bool apart(const vec3& aLower, const vec3& aUpper, const vec3& bLower,
                     const vec3& bUpper) {
-    return glm::any(glm::greaterThan(aLower, bUpper)) ||
-           glm::any(glm::greaterThan(bLower, aUpper));
+    return glm::any(glm::greaterThan(aLower, bUpper)) || glm::any(glm::greaterThan(bLower, aUpper));
   }
 
   void readCluster(const hccm::Mesh& page, std::uint32_t cluster, const vec3& lower,
@@ -73,21 +72,21 @@ class PageBlocks : public asvo::BlockSource {
     vec3 clusterLower, clusterUpper;
     page.clusterBounds(cluster, clusterLower, clusterUpper);
     if (apart(clusterLower, clusterUpper, lower, upper)) return;
-    for (std::uint32_t i = 0; i < page.clusterTriangleCount(cluster); ++i) {
-      const hccm::Triangle t = page.triangle(cluster, i);
+    page.forTriangles(cluster, [&](std::uint32_t index) {
+      const hccm::Triangle t = page.triangle(cluster, index);
       const vec3 *a = &t.position[0], *b = &t.position[1], *c = &t.position[2];
       if (apart(glm::min(*a, glm::min(*b, *c)), glm::max(*a, glm::max(*b, *c)), lower, upper)) {
-        continue;
+        return;
       }
       asvo::Triangle& made = out.triangles.emplace_back();
       std::copy_n(t.position, 3, made.position);
       made.material = t.material;
       made.shadeKey = kPlain;
-      if (!t.hasTexCoords && !t.hasColors) continue;
+      if (!t.hasTexCoords && !t.hasColors) return;
       made.shadeKey = static_cast<std::uint32_t>(out.extra.size());
       for (const vec4& color : t.color) out.extra.push_back(t.hasColors ? color : vec4(1.0f));
       for (const vec2& uv : t.texCoord) out.extra.push_back(vec4(uv, 0.0f, 0.0f));
-    }
+    });
   }
 
   const Scene& scene_;

@@ -1,4 +1,5 @@
-// Three kinds of unique geometry of any size for figures: a scan, a terrain and an assembly of parts.
+// Three kinds of unique geometry of any size for figures: a scan, a terrain and an assembly of
+// parts.
 #pragma once
 
 #include <algorithm>
@@ -8,8 +9,9 @@
 
 namespace trex::bench {
 
-/// The bumpy sphere as a scanner would see it: samples lie up to a third of their distance off their
-/// place, a thirtieth of it off the surface, and half of the diagonals run the other way. Closed.
+/// The bumpy sphere as a scanner would see it: samples lie up to a third of their distance off
+/// their place, a thirtieth of it off the surface, and half of the diagonals run the other way.
+/// Closed.
 inline Mesh scanMesh(double triangles) {
   const int n = std::max(1, static_cast<int>(std::lround(std::sqrt(triangles / 12.0))));
   Mesh mesh = bumpySphere(n, false);

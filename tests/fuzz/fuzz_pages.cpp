@@ -1,6 +1,6 @@
 // Any bytes as a page table and its pages: what is accepted is traced and decoded. The input is the
-// table's length (u32), the table, the pages. The mutator repairs lengths and checksums, else nothing
-// would get past them.
+// table's length (u32), the table, the pages. The mutator repairs lengths and checksums, else
+// nothing would get past them.
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
@@ -62,7 +62,8 @@ void repair(Bytes& table, std::span<const std::byte> pages) {
   if (table.size() < kHeader) return;
   std::uint64_t count;
   std::memcpy(&count, table.data() + kPages, sizeof(count));
-  for (std::uint64_t i = 0; i < count && kHeader + (i + 1) * sizeof(PageEntry) <= table.size(); ++i) {
+  for (std::uint64_t i = 0; i < count && kHeader + (i + 1) * sizeof(PageEntry) <= table.size();
+       ++i) {
     PageEntry e;
     std::byte* at = table.data() + kHeader + i * sizeof(PageEntry);
     std::memcpy(&e, at, sizeof(e));

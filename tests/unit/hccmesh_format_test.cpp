@@ -72,7 +72,7 @@ Mesh smallMesh() {
 // Traces and decodes everything: sanitizers watch.
 void useAll(const Mesh& mesh) {
   for (std::uint32_t c = 0; c < mesh.clusterCount(); ++c) {
-    for (std::uint32_t t = 0; t < mesh.clusterTriangleCount(c); ++t) mesh.triangle(c, t);
+    forEachTriangle(mesh, c, [&](std::uint32_t t) { mesh.triangle(c, t); });
     PreparedRay ray =
         mesh.prepare({glm::vec3(0.01f, 0.02f, 9.0f), 0.0f, glm::vec3(0, 0, -1), 1e30f});
     Hit hit;

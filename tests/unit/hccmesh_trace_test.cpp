@@ -38,13 +38,13 @@ Truth bruteForce(const Mesh& mesh, const Ray& ray) {
   Truth best;
   std::vector<double> doubtful;
   for (std::uint32_t c = 0; c < mesh.clusterCount(); ++c)
-    for (std::uint32_t i = 0; i < mesh.clusterTriangleCount(c); ++i) {
+    forEachTriangle(mesh, c, [&](std::uint32_t i) {
       const Triangle tri = mesh.triangle(c, i);
       const glm::dvec3 a(tri.position[0]), e1 = glm::dvec3(tri.position[1]) - a,
                                            e2 = glm::dvec3(tri.position[2]) - a;
       const glm::dvec3 p = glm::cross(d, e2);
       const double det = glm::dot(e1, p);
-      if (det == 0.0) continue;
+      if (det == 0.0) return;
       const double u = glm::dot(o - a, p) / det;
       const glm::dvec3 q = glm::cross(o - a, e1);
       const double v = glm::dot(d, q) / det, t = glm::dot(e2, q) / det;
@@ -53,12 +53,12 @@ Truth bruteForce(const Mesh& mesh, const Ray& ray) {
           std::abs(det) / (glm::length(d) * std::max(glm::length(e1), glm::length(e2)));
       const double blur = 1e-6 * (glm::length(o - a) + glm::length(e1) + glm::length(e2)) / height;
       const double margin = std::min({u, v, 1.0 - u - v});
-      if (margin < -blur || t < double(ray.tnear) - 1e-6 || t > double(ray.tfar) + 1e-6) continue;
+      if (margin < -blur || t < double(ray.tnear) - 1e-6 || t > double(ray.tfar) + 1e-6) return;
       if (margin < blur || std::abs(t - ray.tnear) < 1e-6 || std::abs(t - double(ray.tfar)) < 1e-6)
         doubtful.push_back(t);
       else
         best.t = std::min(best.t, t);
-    }
+    });
   for (double t : doubtful) best.sure = best.sure && t > best.t + 1e-5;
   return best;
 }

@@ -40,8 +40,8 @@ std::vector<Answer> traceAll(const PagedMesh& mesh, int rays, unsigned seed, boo
 }
 
 bool same(const Answer& a, const Answer& b) {
-  return a.hit == b.hit && a.occluded == b.occluded && a.best.t == b.best.t && a.best.u == b.best.u &&
-         a.best.v == b.best.v && a.best.cluster == b.best.cluster &&
+  return a.hit == b.hit && a.occluded == b.occluded && a.best.t == b.best.t &&
+         a.best.u == b.best.u && a.best.v == b.best.v && a.best.cluster == b.best.cluster &&
          a.best.triangle == b.best.triangle;
 }
 
@@ -94,7 +94,8 @@ TEST(PageCache, TheLimitHoldsWithManyThreads) {
   std::vector<std::thread> threads;
   for (unsigned n = 0; n < 6; ++n) {
     threads.emplace_back([&, n] {
-      const std::vector<Answer> x = traceAll(mesh, 12, n, n % 2 == 0), y = traceAll(all, 12, n, false);
+      const std::vector<Answer> x = traceAll(mesh, 12, n, n % 2 == 0),
+                                y = traceAll(all, 12, n, false);
       for (std::size_t i = 0; i < x.size(); ++i) wrong += !same(x[i], y[i]);
     });
   }

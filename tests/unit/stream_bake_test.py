@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Tests of streamed bakes on the command line: --stream, --resume after kill -9, --cache, verify, faults."""
-import argparse, json, os, random, resource, shutil, signal, subprocess, tempfile, time, unittest
+import argparse, json, math, os, random, resource, shutil, signal, struct, subprocess, tempfile, time, unittest
 
 TREX = ASSETS = None
 MODEL = "synth:assembly?triangles=6e4"
@@ -8,6 +8,26 @@ MODEL = "synth:assembly?triangles=6e4"
 
 def run(*arguments, **kw):
     return subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=300, **kw)
+
+
+def wavy_ply(path, side, last=None, quads=False):
+    """A wavy sheet of 2 * side * side triangles; `last`: the last face's first corner instead of its own."""
+    n = side + 1
+    faces = []
+    for i in range(side):
+        for a in range(i * n, i * n + side):
+            faces += [(a, a + 1, a + n + 1, a + n)] if quads else [(a, a + 1, a + n), (a + 1, a + n + 1, a + n)]
+    if last is not None:
+        faces[-1] = (last, *faces[-1][1:])
+    with open(path, "wb") as f:
+        f.write((f"ply\nformat binary_little_endian 1.0\nelement vertex {n * n}\nproperty float x\nproperty float y\n"
+                 f"property float z\nproperty uchar quality\nelement face {len(faces)}\n"
+                 "property list uchar int vertex_indices\nend_header\n").encode())
+        for i in range(n):
+            for j in range(n):
+                f.write(struct.pack("<3fB", i / side, 0.02 * math.sin(40 * i / side), j / side, 7))
+        for face in faces:
+            f.write(struct.pack(f"<B{len(face)}i", len(face), *face))
 
 
 class StreamBake(unittest.TestCase):
@@ -62,6 +82,28 @@ class StreamBake(unittest.TestCase):
         d = json.loads(run("diff", self.path("a.exr"), self.path("b.exr"), "--json").stdout)
         self.assertLess(abs(d["mean_ratio"] - 1), 0.03)
         self.assertLess(d["flip"], 0.15)
+
+    def test_mapped_ply_files(self):
+        for quads in (False, True):
+            wavy_ply(self.path("m.ply"), 120, quads=quads)
+            a = self.bake("a.trex", "--stream", "--no-voxels", model=self.path("m.ply"))
+            b = self.bake("b.trex", "--no-voxels", model=self.path("m.ply"))
+            self.assertEqual((a["triangles"], b["triangles"]), (28800, 28800))
+            self.render("a.trex", "a.exr")
+            self.render("b.trex", "b.exr")
+            d = json.loads(run("diff", self.path("a.exr"), self.path("b.exr"), "--json").stdout)
+            self.assertLess(d["flip"], 0.05)
+        # It knows its source.
+        wavy_ply(self.path("m.ply"), 121)
+        self.assertIn("changed", self.render("a.trex", "c.exr", code=3))
+        wavy_ply(self.path("m.ply"), 20, last=441)
+        self.assertIn("vertex 441", self.bake("c.trex", "--stream", model=self.path("m.ply"), code=3))
+        wavy_ply(self.path("m.ply"), 20)
+        size = os.path.getsize(self.path("m.ply"))
+        for cut in (size - 1, size // 2, size // 8):
+            os.truncate(self.path("m.ply"), cut)
+            self.assertIn("m.ply", self.bake("c.trex", "--stream", model=self.path("m.ply"), code=3))
+        self.assertEqual(self.left_over(), [])
 
     def test_equal_bytes_for_any_number_of_threads(self):
         self.bake("a.trex", "--stream", "--depth", "6", "--threads", "1")

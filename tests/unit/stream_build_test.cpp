@@ -33,10 +33,10 @@ Triangles trianglesOf(const PagedMesh& mesh) {
   for (std::uint32_t p = 0; p < mesh.table().pages.size(); ++p) {
     const PagedMesh::Pin pin = mesh.page(p);
     for (std::uint32_t c = 0; c < pin.mesh().clusterCount(); ++c)
-      for (std::uint32_t i = 0; i < pin.mesh().clusterTriangleCount(c); ++i) {
+      pin.mesh().forTriangles(c, [&](std::uint32_t i) {
         const Triangle t = pin.mesh().triangle(c, i);
         out.emplace(keyOf(t, mesh.step()), t);
-      }
+      });
   }
   return out;
 }
@@ -44,11 +44,17 @@ Triangles trianglesOf(const PagedMesh& mesh) {
 Triangles trianglesOf(const Mesh& mesh) {
   Triangles out;
   for (std::uint32_t c = 0; c < mesh.clusterCount(); ++c)
-    for (std::uint32_t i = 0; i < mesh.clusterTriangleCount(c); ++i) {
+    mesh.forTriangles(c, [&](std::uint32_t i) {
       const Triangle t = mesh.triangle(c, i);
       out.emplace(keyOf(t, mesh.step()), t);
-    }
+    });
   return out;
+}
+
+void addCorners(Soup& soup, const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
+  soup.positions.push_back(a);
+  soup.positions.push_back(b);
+  soup.positions.push_back(c);
 }
 
 /// The mesh that a build in memory makes on the same grid.
@@ -159,10 +165,10 @@ TEST(StreamBuild, AllTrianglesInOnePlace) {
   for (int i = 0; i < 40'000; ++i) {
     const float r = 1e-3f + 1e-6f * static_cast<float>(i);
     const auto v = static_cast<std::uint32_t>(soup.positions.size());
-    soup.positions.insert(soup.positions.end(), {{-r, -r, 0}, {r, 0, 0}, {0, r, 0}});
+    addCorners(soup, glm::vec3(-r, -r, 0), glm::vec3(r, 0, 0), glm::vec3(0, r, 0));
     soup.triangles.push_back({v, v + 1, v + 2});
   }
-  soup.positions.insert(soup.positions.end(), {{100, 100, 100}, {101, 100, 100}, {100, 101, 100}});
+  addCorners(soup, glm::vec3(100, 100, 100), glm::vec3(101, 100, 100), glm::vec3(100, 101, 100));
   soup.triangles.push_back({120'000, 120'001, 120'002});
   const Streamed s = stream(soup);
   EXPECT_EQ(s.table.triangles + s.spill.flat, 40'001u);
@@ -171,7 +177,7 @@ TEST(StreamBuild, AllTrianglesInOnePlace) {
 
 TEST(StreamBuild, OneCrowdedCornerIsSplitAgain) {
   Soup soup = sheet(150, 1e-3f);  // 45000 triangles in one cell of the first spill
-  soup.positions.insert(soup.positions.end(), {{900, 0, 0}, {901, 0, 0}, {900, 1, 800}});
+  addCorners(soup, glm::vec3(900, 0, 0), glm::vec3(901, 0, 0), glm::vec3(900, 1, 800));
   const auto n = static_cast<std::uint32_t>(soup.positions.size());
   soup.triangles.push_back({n - 3, n - 2, n - 1});
   const Streamed s = stream(soup);
@@ -224,8 +230,9 @@ TEST(StreamBuild, ADamagedSpillIsNoticed) {
     out.write(spill.fileBytes / 2, b);
   }
   const auto buildAll = [&] {
-    buildPages(file, spill, planBuckets(spill, options), 0, options, [](const BuiltPage&) {},
-               [](std::size_t) {});
+    buildPages(
+        file, spill, planBuckets(spill, options), 0, options, [](const BuiltPage&) {},
+        [](std::size_t) {});
   };
   EXPECT_THROW(buildAll(), FormatError);
   std::filesystem::resize_file(file, spill.fileBytes - 1);
@@ -256,8 +263,8 @@ TEST(StreamBuild, CellsFollowTheirTree) {
       EXPECT_TRUE(lower.x <= x && x <= upper.x && lower.z <= z && z <= upper.z) << x << " " << z;
     }
   // The first cut is across the longest axis.
-  const Corners9 left = {-999, 0, 5, -999, 0, 5, -999, 0, 5}, right = {999, 10, 900, 999, 10, 900,
-                                                                       999, 10, 900};
+  const Corners9 left = {-999, 0, 5, -999, 0, 5, -999, 0, 5},
+                 right = {999, 10, 900, 999, 10, 900, 999, 10, 900};
   EXPECT_LT(grid.cellOf(left), grid.cells() / 2);
   EXPECT_GE(grid.cellOf(right), grid.cells() / 2);
 }

@@ -84,8 +84,7 @@ struct Streamed {
 };
 
 inline std::filesystem::path spillPath() {
-  return std::filesystem::temp_directory_path() /
-         ("trex-spill-test-" + std::to_string(::getpid()));
+  return std::filesystem::temp_directory_path() / ("trex-spill-test-" + std::to_string(::getpid()));
 }
 
 /// Builds with buckets of 16384 triangles, the least.

@@ -58,11 +58,11 @@ TEST(Synth, NamesAreRead) {
 
 TEST(Synth, BadNamesAreUsageErrors) {
   for (const char* name :
-       {"synth:", "synth:cube", "synth:scan?", "synth:scan?triangles", "synth:scan?triangles=",
-        "synth:scan?triangles=0", "synth:scan?triangles=-5", "synth:scan?triangles=1e13",
-        "synth:scan?triangles=1.5", "synth:scan?triangles=nan", "synth:scan?triangles=12x",
-        "synth:scan?seed=-1", "synth:scan?seed=1e3", "synth:scan?sides=3",
-        "synth:scan?seed=99999999999999999999"}) {
+       {"synth:", "synth:cube", "synth:scan?", "synth:scan?triangles",
+        "synth:scan?triangles=", "synth:scan?triangles=0", "synth:scan?triangles=-5",
+        "synth:scan?triangles=1e13", "synth:scan?triangles=1.5", "synth:scan?triangles=nan",
+        "synth:scan?triangles=12x", "synth:scan?seed=-1", "synth:scan?seed=1e3",
+        "synth:scan?sides=3", "synth:scan?seed=99999999999999999999"}) {
     const bool harmless = std::string(name) == "synth:scan?";  // no parameter at all
     EXPECT_EQ(codeOf(name), harmless ? ExitCode::kDone : ExitCode::kUsage) << name;
   }
