@@ -43,8 +43,8 @@ class StreamBake(unittest.TestCase):
         self.assertEqual(p.returncode, code, p.stderr)
         return json.loads(p.stdout) if code == 0 else p.stderr
 
-    def render(self, name, picture, *options, code=0):
-        p = run("render", self.path(name), "-o", self.path(picture), "--size", "96x54", "--spp", "4", "--device", "none",
+    def render(self, name, picture, *options, spp="4", code=0):
+        p = run("render", self.path(name), "-o", self.path(picture), "--size", "96x54", "--spp", spp, "--device", "none",
                 "--json", *options)
         self.assertEqual(p.returncode, code, p.stderr)
         return json.loads(p.stdout) if code == 0 else p.stderr
@@ -65,8 +65,8 @@ class StreamBake(unittest.TestCase):
         self.assertEqual(a["voxel_depth"], b["voxel_depth"])
         self.assertEqual(self.left_over(), [])
         for options in (["--exact", "1"], []):
-            self.render("a.trex", "a.exr", "--spp", "16", *options)
-            self.render("b.trex", "b.exr", "--spp", "16", *options)
+            self.render("a.trex", "a.exr", *options, spp="16")
+            self.render("b.trex", "b.exr", *options, spp="16")
             p = run("diff", self.path("a.exr"), self.path("b.exr"), "--json")
             d = json.loads(p.stdout)
             self.assertLess(d["flip"], 0.08, options)
@@ -77,8 +77,8 @@ class StreamBake(unittest.TestCase):
         a = self.bake("a.trex", "--stream", "--no-voxels", model=model)
         b = self.bake("b.trex", "--no-voxels", model=model)
         self.assertLessEqual(abs(a["triangles"] + a["dropped_triangles"] - b["triangles"]), b["triangles"] * 0.01)
-        self.render("a.trex", "a.exr", "--spp", "32")
-        self.render("b.trex", "b.exr", "--spp", "32")
+        self.render("a.trex", "a.exr", spp="32")
+        self.render("b.trex", "b.exr", spp="32")
         d = json.loads(run("diff", self.path("a.exr"), self.path("b.exr"), "--json").stdout)
         self.assertLess(abs(d["mean_ratio"] - 1), 0.03)
         self.assertLess(d["flip"], 0.15)
@@ -131,7 +131,7 @@ class StreamBake(unittest.TestCase):
         self.assertEqual(info["checksums"], "all good")
         parts = info["hccmesh"]
         total = sum(v for k, v in parts.items() if k.endswith("_bytes"))
-        self.assertAlmostEqual(total / info["mesh_pages"]["memory_bytes"], 1, delta=0.05)
+        self.assertAlmostEqual(total / info["mesh_pages"]["memory_bytes"], 1, delta=0.1)
         self.assertIn("mesh pages", run("info", self.path("a.trex")).stdout)
 
     def test_damage_ends_in_an_error(self):
