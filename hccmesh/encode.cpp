@@ -321,18 +321,19 @@ class ClusterMaker {
   }
 
   bool makeLeaves(const Range& cluster) {
-    Strip strip;
-    const std::vector<std::uint16_t> starts = splitter_.splitIntoLeaves(
-        cluster, [&](std::span<const PieceSplitter::Index> leaf) { return stripOf(leaf, strip); });
-    if (starts.size() > limits_.leaves) return false;
-    const std::span<const PieceSplitter::Index> all = splitter_.triangles(cluster);
-    in_.source = &sources_[piece_[all[0]].source];
+    // The strips that fit are those of the leaves, in their order.
     in_.leaves.clear();
+    splitter_.splitIntoLeaves(cluster, [&](std::span<const PieceSplitter::Index> leaf) {
+      Strip strip;
+      if (!stripOf(leaf, strip)) return false;
+      in_.leaves.push_back(strip);
+      return true;
+    });
+    if (in_.leaves.size() > limits_.leaves) return false;
+    in_.source = &sources_[piece_[splitter_.triangles(cluster)[0]].source];
     in_.vertices.clear();
     std::vector<std::uint16_t> renumbered(welder_.count(), 0xffff);
-    for (std::size_t leaf = 0; leaf < starts.size(); ++leaf) {
-      const std::size_t end = leaf + 1 < starts.size() ? starts[leaf + 1] : all.size();
-      stripOf(all.subspan(starts[leaf], end - starts[leaf]), strip);
+    for (Strip& strip : in_.leaves)
       for (std::uint32_t i = 0; i < strip.size; ++i) {
         std::uint16_t& number = renumbered[strip.entries[i]];
         if (number == 0xffff) {
@@ -341,8 +342,6 @@ class ClusterMaker {
         }
         strip.entries[i] = number;
       }
-      in_.leaves.push_back(strip);
-    }
     return true;
   }
 

@@ -83,8 +83,9 @@ struct BuildOptions {
 /// Bytes by part, for `trex info` and the memory bar.
 struct Sizes {
   std::uint64_t header = 0, clusterTable = 0, clusterHeaders = 0, vertices = 0, topology = 0,
-                nodes = 0, normals = 0, texCoords = 0, colors = 0;
+                nodes = 0, normals = 0, texCoords = 0, colors = 0, padding = 0;
   std::uint64_t total() const;
+  Sizes& operator+=(const Sizes& other);
 };
 
 /// A ray in mesh space. The largest component of the direction must be at least 2^-60 and finite,
@@ -114,14 +115,15 @@ struct Triangle {
 };
 
 /// What one ray needs in every cluster, computed once a ray and mesh. Lengths in grid cells.
-struct PreparedRay {
-  float origin[3];
-  float shear[3];        ///< [Woop et al. 2013]: d[kx]/d[kz], d[ky]/d[kz], 1/d[kz]
-  float inverse[3];      ///< 1/direction, never infinite
-  float tnear, tfar;     ///< in cells a unit of direction; see Mesh::setFar
-  float step, cells;     ///< metres a cell, cells a metre
-  double shift;          ///< t that origin was moved forward by, in those units
-  std::int32_t axis[3];  ///< kx, ky, kz
+struct alignas(16) PreparedRay {
+  float origin[4];
+  float inverse[4];            ///< 1/direction, never infinite
+  float shear[3];              ///< [Woop et al. 2013]: d[kx]/d[kz], d[ky]/d[kz], 1/d[kz]
+  float tnear, tfar;           ///< in cells a unit of direction; see Mesh::setFar
+  float step, cells;           ///< metres a cell, cells a metre
+  std::int32_t axis[3];        ///< kx, ky, kz
+  std::uint32_t nearPlane[3];  ///< of lower x, upper x, lower y, ...: which the ray meets first
+  double shift;                ///< t that origin was moved forward by, in those units
 };
 
 struct MeshView;

@@ -46,6 +46,9 @@ inline std::uint64_t firstBlob(std::uint64_t clusters) {
   return (sizeof(Header) + 4ull * clusters + kBlobUnit - 1u) & ~std::uint64_t(kBlobUnit - 1u);
 }
 
+/// Bytes from the start of the buffer to the blob of an entry of the table.
+inline std::uint64_t blobOffset(std::uint32_t entry) { return std::uint64_t(entry) << kTableShift; }
+
 struct ClusterHeader {
   std::int32_t lower[3];  ///< grid; least coordinates of the vertices
   std::uint32_t material, object;
@@ -62,6 +65,12 @@ static_assert(sizeof(ClusterHeader) == 36 && alignof(ClusterHeader) == 4 &&
               offsetof(ClusterHeader, material) == 12 && offsetof(ClusterHeader, width) == 24 &&
               offsetof(ClusterHeader, top) == 30 && offsetof(ClusterHeader, vertexOffset) == 34);
 
+/// Where records start, bytes from the start of the blob.
+inline std::uint32_t recordsOf(const ClusterHeader& h) {
+  const std::uint32_t boxes = h.leafCount > 1 ? 6u * h.leafCount : 0u;
+  return static_cast<std::uint32_t>(sizeof(h)) + boxes + 2u * h.groups() + h.leafCount;
+}
+
 /// Byte offsets of a blob's parts, each where the one before ends (records: up to vertices).
 struct Offsets {
   std::uint32_t boxes, groupStarts, leafStarts, records, vertices, normals, texCoords, colors,
@@ -73,7 +82,7 @@ inline Offsets offsetsOf(const ClusterHeader& h) {
   o.boxes = sizeof(ClusterHeader);
   o.groupStarts = o.boxes + (h.leafCount > 1 ? 6u * h.leafCount : 0u);
   o.leafStarts = o.groupStarts + 2u * h.groups();
-  o.records = o.leafStarts + h.leafCount;
+  o.records = recordsOf(h);
   o.vertices = h.vertexOffset;
   const std::uint32_t vertexBytes = (h.vertices() * h.vertexBits() + 7u) / 8u;
   const bool attributes = (h.flags & (kNormals | kTexCoords | kColors)) != 0;

@@ -50,7 +50,14 @@ glm::vec2 readTexCoord(const std::byte* at, std::uint8_t flags, std::uint32_t ve
 
 std::uint64_t Sizes::total() const {
   return header + clusterTable + clusterHeaders + vertices + topology + nodes + normals +
-         texCoords + colors;
+         texCoords + colors + padding;
+}
+
+Sizes& Sizes::operator+=(const Sizes& o) {
+  header += o.header, clusterTable += o.clusterTable, clusterHeaders += o.clusterHeaders;
+  vertices += o.vertices, topology += o.topology, nodes += o.nodes;
+  normals += o.normals, texCoords += o.texCoords, colors += o.colors, padding += o.padding;
+  return *this;
 }
 
 Mesh::Mesh(Bytes bytes) {
@@ -109,7 +116,8 @@ Sizes Mesh::sizes() const {
     s.vertices += o.normals - o.vertices;
     s.normals += o.texCoords - o.normals;
     s.texCoords += o.colors - o.texCoords;
-    s.colors += o.end - o.colors;  // with the padding of the blob
+    s.colors += o.colorsEnd - o.colors;
+    s.padding += o.end - o.colorsEnd;
   }
   return s;
 }
@@ -190,6 +198,26 @@ bool Mesh::occluded(const PreparedRay& ray) const {
   return !top_.nodes().empty() && occludedMesh_({top_.nodes().data(), bytes_.data(), table_}, ray);
 }
 
+namespace {
+
+constexpr float kFar = 0x1p26f, kNear = 0x1p25f;  // cells; the mesh ends at 2^23
+
+// Moves a far origin forward along the ray.
+void approach(const Ray& ray, PreparedRay& p) {
+  const glm::dvec3 d(ray.direction);
+  glm::dvec3 origin = glm::dvec3(ray.origin) * double(p.cells);
+  p.shift = -glm::dot(origin, d) / glm::dot(d, d) - double(kNear) / glm::length(d);
+  if (std::isfinite(p.shift))
+    origin += p.shift * d;
+  else
+    p.shift = 0.0;
+  for (int k = 0; k < 3; ++k) p.origin[k] = static_cast<float>(origin[k]);
+  p.tnear = static_cast<float>(double(ray.tnear) * double(p.cells) - p.shift);
+  Mesh::setFar(p, ray.tfar);
+}
+
+}  // namespace
+
 PreparedRay Mesh::prepare(const Ray& ray) const {
   PreparedRay p;
   p.step = stepOf(bytes_);
@@ -203,30 +231,27 @@ PreparedRay Mesh::prepare(const Ray& ray) const {
   p.shear[0] = ray.direction[kx] / ray.direction[kz];
   p.shear[1] = ray.direction[ky] / ray.direction[kz];
   p.shear[2] = 1.0f / ray.direction[kz];
-  const glm::dvec3 d(ray.direction);
-  glm::dvec3 origin = glm::dvec3(ray.origin) * double(p.cells);
-  p.shift = 0.0;
-  constexpr double kFar = 0x1p26, kNear = 0x1p25;  // cells; the mesh ends at 2^23
-  if (std::max({std::abs(origin.x), std::abs(origin.y), std::abs(origin.z)}) > kFar) {
-    p.shift = -glm::dot(origin, d) / glm::dot(d, d) - kNear / glm::length(d);
-    if (std::isfinite(p.shift))
-      origin += p.shift * d;
-    else
-      p.shift = 0.0;
-  }
   // A component this much smaller than the largest moves the ray by less than a cell.
   const float least = largest * 0x1p-60f;
   for (int k = 0; k < 3; ++k) {
-    p.origin[k] = static_cast<float>(origin[k]);
     p.inverse[k] =
         1.0f / (size[k] >= least ? ray.direction[k] : std::copysign(least, ray.direction[k]));
+    p.nearPlane[k] = 2u * static_cast<std::uint32_t>(k) + (p.inverse[k] < 0.0f ? 1u : 0u);
   }
-  p.tnear = static_cast<float>(double(ray.tnear) * double(p.cells) - p.shift);
-  setFar(p, ray.tfar);
+  p.inverse[3] = p.origin[3] = 0.0f;
+  p.shift = 0.0;
+  const glm::vec3 origin = ray.origin * p.cells;  // exact: a power of two
+  if (std::max({std::abs(origin.x), std::abs(origin.y), std::abs(origin.z)}) <= kFar) {
+    for (int k = 0; k < 3; ++k) p.origin[k] = origin[k];
+    p.tnear = ray.tnear * p.cells;
+    p.tfar = ray.tfar * p.cells;
+  } else {
+    approach(ray, p);
+  }
   if (!(largest >= 0x1p-60f) || !std::isfinite(size.x + size.y + size.z)) {
     p.tnear = std::numeric_limits<float>::infinity();  // an empty interval
     p.tfar = -p.tnear;
-    for (int k = 0; k < 3; ++k) p.shear[k] = p.inverse[k] = 1.0f;
+    for (int k = 0; k < 3; ++k) p.shear[k] = p.inverse[k] = 1.0f, p.nearPlane[k] = 2u * unsigned(k);
   }
   return p;
 }

@@ -17,11 +17,11 @@ struct TableHeader {
   std::int32_t stepExponent;
   std::uint64_t checksum;  ///< XXH3-64 of the table with this field zero
   std::uint64_t pages, groups, triangles, droppedTriangles;
-  std::uint64_t sizes[9];
+  std::uint64_t sizes[10];
   float lower[3], upper[3];
 };
-static_assert(sizeof(TableHeader) == 152 && offsetof(TableHeader, checksum) == 16 &&
-              offsetof(TableHeader, sizes) == 56 && offsetof(TableHeader, lower) == 128);
+static_assert(sizeof(TableHeader) == 160 && offsetof(TableHeader, checksum) == 16 &&
+              offsetof(TableHeader, sizes) == 56 && offsetof(TableHeader, lower) == 136);
 
 constexpr char kTableMagic[8] = {'H', 'C', 'C', 'p', 'a', 'g', 'e', 's'};
 
@@ -33,10 +33,10 @@ void check(bool good, const char* what, std::uint64_t at) {
 
 template <typename Function>
 void forSizes(Sizes& s, const Function& f) {
-  std::uint64_t* const fields[9] = {&s.header,   &s.clusterTable, &s.clusterHeaders,
-                                    &s.vertices, &s.topology,     &s.nodes,
-                                    &s.normals,  &s.texCoords,    &s.colors};
-  for (int i = 0; i < 9; ++i) f(i, *fields[i]);
+  std::uint64_t* const fields[10] = {&s.header,   &s.clusterTable, &s.clusterHeaders, &s.vertices,
+                                     &s.topology, &s.nodes,        &s.normals,        &s.texCoords,
+                                     &s.colors,   &s.padding};
+  for (int i = 0; i < 10; ++i) f(i, *fields[i]); i < 9; ++i) f(i, *fields[i]);
 }
 
 std::uint64_t checksumOfTable(std::span<const std::byte> bytes) {
@@ -105,10 +105,7 @@ void PageTable::add(const BuiltPage& page) {
   }
   pages.push_back(entry);
   triangles += entry.triangles;
-  std::uint64_t add[9];
-  Sizes more = page.sizes;
-  forSizes(more, [&](int i, std::uint64_t& value) { add[i] = value; });
-  forSizes(sizes, [&](int i, std::uint64_t& value) { value += add[i]; });
+  sizes += page.sizes;
 }
 
 std::uint64_t PageTable::packedBytes() const {
@@ -175,7 +172,7 @@ PageTable PageTable::fromBytes(std::span<const std::byte> bytes, std::uint64_t s
   t.droppedTriangles = h.droppedTriangles;
   forSizes(t.sizes, [&](int i, std::uint64_t& value) { value = h.sizes[i]; });
   for (int k = 0; k < 3; ++k) {
-    check(std::isfinite(h.lower[k]) && std::isfinite(h.upper[k]), "bounds not finite", 128);
+    check(std::isfinite(h.lower[k]) && std::isfinite(h.upper[k]), "bounds not finite", 136);
     t.lower[k] = h.lower[k], t.upper[k] = h.upper[k];
   }
   t.pages.resize(h.pages);

@@ -14,6 +14,7 @@ struct LocalTriangles {
   std::uint8_t corner[layout::kLeafSize][3];
   std::uint16_t global[kMaxLocal];
   std::uint8_t ofEdge[kMaxLocal][kMaxLocal];
+  std::uint8_t neighbours[layout::kLeafSize] = {};
 
   explicit LocalTriangles(std::span<const Corners> triangles)
       : count(static_cast<std::uint32_t>(triangles.size())) {
@@ -29,6 +30,9 @@ struct LocalTriangles {
     for (std::uint32_t t = 0; t < count; ++t)
       for (int k = 0; k < 3; ++k)
         ofEdge[corner[t][k]][corner[t][(k + 1) % 3]] = static_cast<std::uint8_t>(t);
+    for (std::uint32_t t = 0; t < count; ++t)
+      for (int k = 0; k < 3; ++k)
+        if (ofEdge[corner[t][(k + 1) % 3]][corner[t][k]] != kNone) ++neighbours[t];
   }
 };
 
@@ -111,7 +115,7 @@ class Growing {
 bool makeStrip(std::span<const Corners> triangles, Strip& out) {
   const LocalTriangles in(triangles);
   std::uint32_t least = layout::kMaxEntries + 1;
-  for (std::uint32_t first = 0; first < in.count && least > in.count + 2; ++first)
+  const auto tryFrom = [&](std::uint32_t first) {
     for (int rotation = 0; rotation < 3 && least > in.count + 2; ++rotation) {
       Growing strip(in, first, rotation);
       if (!strip.grow(least)) continue;
@@ -120,6 +124,12 @@ bool makeStrip(std::span<const Corners> triangles, Strip& out) {
       out.starts = strip.starts;
       for (std::uint32_t i = 0; i < strip.size; ++i) out.entries[i] = in.global[strip.entry[i]];
     }
+  };
+  // Strips end where triangles have few neighbours; elsewhere is tried if that fails.
+  for (std::uint32_t first = 0; first < in.count; ++first)
+    if (in.neighbours[first] <= 1) tryFrom(first);
+  for (std::uint32_t first = 0; first < in.count && least > layout::kMaxEntries; ++first)
+    if (in.neighbours[first] > 1) tryFrom(first);
   return least <= layout::kMaxEntries;
 }
 

@@ -19,8 +19,8 @@ struct Strip {
   std::uint32_t starts = 0;
 };
 
-/// A short strip of up to 8 triangles, greedily from every start. A triangle keeps its winding and
-/// may begin at another of its corners. False if it takes more than layout::kMaxEntries. Thread
+/// A short strip of up to 8 triangles, greedily from several starts. A triangle keeps its winding
+/// and may begin at another of its corners. False if it takes more than layout::kMaxEntries. Thread
 /// safe.
 bool makeStrip(std::span<const Corners> triangles, Strip& out);
 

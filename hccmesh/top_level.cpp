@@ -4,12 +4,14 @@
 #include <array>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 namespace hccm {
 namespace {
 
 constexpr int kBins = 16;
-constexpr int kMaxBinDepth = 24;  // beyond it the input is hostile to bins and is halved
+constexpr std::size_t kExact = 128;  // boxes that are sorted instead of binned
+constexpr int kMaxBinDepth = 24;     // beyond it the input is hostile to bins and is halved
 
 struct Range {
   std::size_t begin, end;
@@ -50,18 +52,12 @@ class Builder {
     nodes_.emplace_back();
     std::array<Range, 8> parts{range};
     std::size_t count = 1;
-    // The part with the largest surface is split until there are 8, or single boxes only.
     while (count < 8) {
-      std::size_t widest = count;
-      double most = -1.0;
-      for (std::size_t i = 0; i < count; ++i) {
-        const double surface = parts[i].count() > 1 ? area(boundsOf(parts[i])) : -1.0;
-        if (surface > most) most = surface, widest = i;
-      }
-      if (widest == count) break;
-      const Range part = parts[widest];
+      const std::size_t next = partToSplit(std::span(parts).first(count));
+      if (next == count) break;
+      const Range part = parts[next];
       const std::size_t middle = split(part, depth);
-      parts[widest] = {part.begin, middle};
+      parts[next] = {part.begin, middle};
       parts[count++] = {middle, part.end};
     }
     writeBoxes(nodes_[number], std::span(parts).first(count));
@@ -71,6 +67,23 @@ class Builder {
       nodes_[number].child[i] = child;
     }
     return number;
+  }
+
+  // The one with the largest surface of those that need more than a node; else of those that can be
+  // taken apart to the end, which saves theirs. The number of parts if there is none.
+  std::size_t partToSplit(std::span<const Range> parts) const {
+    for (const bool large : {true, false}) {
+      std::size_t best = parts.size();
+      double most = -1.0;
+      for (std::size_t i = 0; i < parts.size(); ++i) {
+        const std::size_t count = parts[i].count();
+        if (large ? count <= 8 : count < 2 || count > 9 - parts.size()) continue;
+        const double surface = area(boundsOf(parts[i]));
+        if (surface > most) most = surface, best = i;
+      }
+      if (best < parts.size()) return best;
+    }
+    return parts.size();
   }
 
   GridBox boundsOf(const Range& r) const {
@@ -85,6 +98,42 @@ class Builder {
 
   // Where the right part begins; neither part is empty.
   std::size_t split(const Range& r, int depth) {
+    return r.count() <= kExact ? splitExactly(r) : splitByBins(r, depth);
+  }
+
+  // Every place in the order along every axis is tried; full nodes cost least.
+  std::size_t splitExactly(const Range& r) {
+    const auto first = order_.begin() + static_cast<std::ptrdiff_t>(r.begin);
+    const auto last = order_.begin() + static_cast<std::ptrdiff_t>(r.end);
+    const auto sortBy = [&](int axis) {
+      std::sort(first, last, [&](std::uint32_t a, std::uint32_t b) {
+        return std::pair(centre(a, axis), a) < std::pair(centre(b, axis), b);
+      });
+    };
+    const auto weight = [](std::size_t n) { return static_cast<double>((n + 7) / 8 * 8); };
+    std::array<double, kExact + 1> right{};
+    int bestAxis = 0;
+    std::size_t best = r.count() / 2;
+    double leastCost = std::numeric_limits<double>::infinity();
+    for (int axis = 0; axis < 3; ++axis) {
+      sortBy(axis);
+      GridBox sum = emptyBox();
+      for (std::size_t i = r.count() - 1; i > 0; --i) {
+        extend(sum, boxes_[order_[r.begin + i]]);
+        right[i] = area(sum) * weight(r.count() - i);
+      }
+      sum = emptyBox();
+      for (std::size_t i = 1; i < r.count(); ++i) {
+        extend(sum, boxes_[order_[r.begin + i - 1]]);
+        const double cost = area(sum) * weight(i) + right[i];
+        if (cost < leastCost) leastCost = cost, bestAxis = axis, best = i;
+      }
+    }
+    sortBy(bestAxis);
+    return r.begin + best;
+  }
+
+  std::size_t splitByBins(const Range& r, int depth) {
     const std::size_t half = r.begin + r.count() / 2;
     std::int64_t least[3], most[3];
     for (int k = 0; k < 3; ++k) {

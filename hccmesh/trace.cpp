@@ -3,6 +3,7 @@
 // exactly rounded operations decide a hit (no fused multiply-add, no approximate reciprocal).
 #include "hccmesh/trace.h"
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
 #include <limits>
@@ -44,6 +45,7 @@ static_assert(kLanes == 4 || kLanes == 8);
 struct Cluster {
   const std::uint8_t* vertices;
   std::uint32_t vertexBits, widthXy;
+  bool isWide;  // x and y fit in one word of 64 bits at any bit of a byte, z in the next
   std::uint32_t shift[3], mask[3];
   std::int32_t anchor[3];
 };
@@ -55,6 +57,7 @@ HWY_INLINE Cluster openCluster(const std::uint8_t* blob, const layout::ClusterHe
   const std::uint32_t shifts[3] = {0u, h.width[0], std::uint32_t(h.width[0]) + h.width[1]};
   c.vertexBits = h.vertexBits();
   c.widthXy = shifts[2];
+  c.isWide = c.vertexBits > 57;
   for (int i = 0; i < 3; ++i) {
     const int k = ray.axis[i];
     c.shift[i] = shifts[k];
@@ -70,46 +73,17 @@ using DQ = hn::Rebind<std::uint64_t, DU>;
 struct Words {
   hn::Vec<DQ> all;
 };
-HWY_INLINE Words fetchWords(const std::uint8_t* base, VU bit) {
-  const DU du;
-  const DQ dq;
-  const hn::RebindToSigned<DQ> ds;
-  const auto byte = hn::BitCast(ds, hn::PromoteTo(dq, hn::ShiftRight<3>(bit)));
-  const auto word = hn::GatherOffset(dq, reinterpret_cast<const std::uint64_t*>(base), byte);
-  return {hn::Shr(word, hn::PromoteTo(dq, hn::And(bit, hn::Set(du, 7u))))};
-}
+HWY_INLINE Words loadWords(const std::uint64_t* at) { return {hn::Load(DQ(), at)}; }
 HWY_INLINE VU lowHalves(const Words& w, std::uint32_t shift) {
   return hn::TruncateTo(DU(), hn::ShiftRightSame(w.all, static_cast<int>(shift)));
 }
 #else
-using DUHalf = hn::Half<DU>;
-using DQ = hn::Rebind<std::uint64_t, DUHalf>;
+using DQ = hn::Repartition<std::uint64_t, DU>;
 struct Words {
   hn::Vec<DQ> low, high;
 };
-// Byte offsets need not be aligned.
-HWY_INLINE hn::Vec<DQ> gather64(const std::uint8_t* base, hn::Vec<DQ> offset) {
-  const DQ dq;
-#if HWY_TARGET <= HWY_AVX2
-  const hn::RebindToSigned<DQ> ds;
-  return hn::GatherOffset(dq, reinterpret_cast<const std::uint64_t*>(base),
-                          hn::BitCast(ds, offset));
-#else
-  alignas(32) std::uint64_t lanes[hn::MaxLanes(DQ())];
-  hn::Store(offset, dq, lanes);
-  for (std::uint64_t& lane : lanes) std::memcpy(&lane, base + lane, sizeof(lane));
-  return hn::Load(dq, lanes);
-#endif
-}
-HWY_INLINE Words fetchWords(const std::uint8_t* base, VU bit) {
-  const DU du;
-  const DUHalf dh;
-  const DQ dq;
-  const VU byte = hn::ShiftRight<3>(bit), shift = hn::And(bit, hn::Set(du, 7u));
-  const auto low = gather64(base, hn::PromoteTo(dq, hn::LowerHalf(dh, byte)));
-  const auto high = gather64(base, hn::PromoteTo(dq, hn::UpperHalf(dh, byte)));
-  return {hn::Shr(low, hn::PromoteTo(dq, hn::LowerHalf(dh, shift))),
-          hn::Shr(high, hn::PromoteTo(dq, hn::UpperHalf(dh, shift)))};
+HWY_INLINE Words loadWords(const std::uint64_t* at) {
+  return {hn::Load(DQ(), at), hn::Load(DQ(), at + hn::MaxLanes(DQ()))};
 }
 HWY_INLINE VU lowHalves(const Words& w, std::uint32_t shift) {
   const DU du;
@@ -119,28 +93,28 @@ HWY_INLINE VU lowHalves(const Words& w, std::uint32_t shift) {
 }
 #endif
 
+HWY_INLINE std::uint64_t load64(const std::uint8_t* at) {
+  std::uint64_t word;
+  std::memcpy(&word, at, sizeof(word));
+  return word;
+}
+
 struct Vertex {
   VF x, y, z;  // sheared to the ray's frame; z along the ray in units of its direction, cells
 };
 
 // One rounding of exact integers and the ray's own origin, then operations on these alone: equal
 // vertices of two clusters give equal bits.
-HWY_INLINE Vertex decodeVertex(const Cluster& c, const PreparedRay& ray, VU index) {
+HWY_INLINE Vertex decodeVertex(const Cluster& c, const PreparedRay& ray, const Words& words,
+                               const Words& zWords) {
   const DF df;
   const DI di;
   const DU du;
-  const VU bit = hn::Mul(index, hn::Set(du, c.vertexBits));
   VU offset[3];
-  if (HWY_LIKELY(c.vertexBits <= 57)) {
-    const Words words = fetchWords(c.vertices, bit);
-    for (int i = 0; i < 3; ++i) offset[i] = lowHalves(words, c.shift[i]);
-  } else {
-    // x and y fit in one word, z in the next.
-    const Words xy = fetchWords(c.vertices, bit);
-    const Words z = fetchWords(c.vertices, hn::Add(bit, hn::Set(du, c.widthXy)));
+  for (int i = 0; i < 3; ++i) offset[i] = lowHalves(words, c.shift[i]);
+  if (HWY_UNLIKELY(c.isWide))
     for (int i = 0; i < 3; ++i)
-      offset[i] = ray.axis[i] == 2 ? lowHalves(z, 0) : lowHalves(xy, c.shift[i]);
-  }
+      if (ray.axis[i] == 2) offset[i] = lowHalves(zWords, 0);
   VF p[3];
   for (int i = 0; i < 3; ++i) {
     const VU masked = hn::And(offset[i], hn::Set(du, c.mask[i]));
@@ -162,11 +136,6 @@ struct LeafCode {
 };
 
 #if HWY_TARGET <= HWY_AVX2 && HWY_ARCH_X86_64
-HWY_INLINE std::uint64_t load64(const std::uint8_t* at) {
-  std::uint64_t word;
-  std::memcpy(&word, at, sizeof(word));
-  return word;
-}
 // readLeaf() without loops: bits are spread over nibbles or bytes, which select what goes there.
 HWY_INLINE LeafCode decodeLeaf(const std::uint8_t* record) {
   constexpr std::uint64_t kNibbles = 0x1111111111111111ull, kBytes = 0x0101010101010101ull;
@@ -232,11 +201,16 @@ HWY_INLINE LeafCode decodeLeaf(const std::uint8_t* record) {
 class LocalVertices {
  public:
   HWY_INLINE LocalVertices(const Cluster& c, const LeafCode& leaf, const PreparedRay& ray) {
-    const DU du;
-    const DB db;
-    const auto* numbers = reinterpret_cast<const std::uint8_t*>(leaf.vertex);
-    for (std::size_t i = 0; i < kMost && i * kLanes < leaf.locals; ++i)
-      set(i, decodeVertex(c, ray, hn::PromoteTo(du, hn::LoadU(db, numbers + i * kLanes))));
+    alignas(64) std::uint64_t words[layout::kMaxEntries] = {}, zWords[layout::kMaxEntries];
+    fetch(c, leaf, 0, words);
+    if (HWY_UNLIKELY(c.isWide)) {
+      std::fill_n(zWords, layout::kMaxEntries, 0u);
+      fetch(c, leaf, c.widthXy, zWords);
+    }
+    for (std::size_t i = 0; i < kMost && i * kLanes < leaf.locals; ++i) {
+      const Words w = loadWords(words + i * kLanes);
+      set(i, decodeVertex(c, ray, w, c.isWide ? loadWords(zWords + i * kLanes) : w));
+    }
     wide_ = leaf.locals > kLanes;
   }
   // Those of kLanes triangles from `first`, from nibbles of local numbers.
@@ -249,6 +223,19 @@ class LocalVertices {
 
  private:
   static constexpr std::size_t kMost = layout::kMaxEntries / kLanes;
+  // For each local number the stream's bits from `skip` bits behind the start of its vertex. (One
+  // load each: gathers are no faster.)
+  HWY_INLINE static void fetch(const Cluster& c, const LeafCode& leaf, std::uint32_t skip,
+                               std::uint64_t* words) {
+    for (std::uint32_t half = 0; half < 2; ++half) {
+      std::uint64_t numbers = leaf.vertex[half];
+      const std::uint32_t end = leaf.locals < 8 * half + 8 ? leaf.locals : 8 * half + 8;
+      for (std::uint32_t i = 8 * half; i < end; ++i, numbers >>= 8) {
+        const std::uint32_t bit = static_cast<std::uint32_t>(numbers & 255u) * c.vertexBits + skip;
+        words[i] = load64(c.vertices + bit / 8) >> (bit & 7u);
+      }
+    }
+  }
 #if HWY_TARGET <= HWY_AVX2
   HWY_INLINE void set(std::size_t i, const Vertex& v) { x_[i] = v.x, y_[i] = v.y, z_[i] = v.z; }
   HWY_INLINE VF at(const VF* table, VU number) const {
@@ -378,28 +365,35 @@ HWY_INLINE bool testLeaf(const Cluster& c, const std::uint8_t* record, std::uint
 // of the cluster's for that of these planes, and intervals by kTolerance of t for that of both
 // tests, which grows with the distance: 7 roundings of 2^-24 on each side.
 struct BoxFrame {
-  float scale[3], nearOffset[3], farOffset[3];
+  alignas(16) float scale[4];
+  alignas(16) float nearOffset[4];
+  alignas(16) float farOffset[4];
   const std::uint8_t* nearPlanes[3];
   const std::uint8_t* farPlanes[3];
 };
 
-// `planes` has lower and upper ones of each axis in turn, `stride` bytes each.
+// `planes` has lower and upper ones of each axis in turn, `stride` bytes each. Reads a fourth of
+// `lower` and `shift`, which is of no meaning.
 HWY_INLINE BoxFrame openBoxes(const std::uint8_t* planes, std::uint32_t stride,
                               const std::int32_t* lower, const std::uint8_t* shift,
                               const PreparedRay& ray) {
+  const hn::FixedTag<float, 4> d;
+  const hn::RebindToSigned<decltype(d)> di;
+  const hn::Rebind<std::uint8_t, decltype(d)> db;
+  const auto exponent = hn::Add(hn::PromoteTo(di, hn::LoadU(db, shift)), hn::Set(di, 127));
+  const auto cell = hn::BitCast(d, hn::ShiftLeft<23>(exponent));
+  const auto inverse = hn::Load(d, ray.inverse);
+  const auto base = hn::Sub(hn::ConvertTo(d, hn::LoadU(di, lower)), hn::Load(d, ray.origin));
+  const auto middle = hn::Mul(base, inverse);
+  const auto widen =
+      hn::Mul(hn::Add(hn::Set(d, 1.0f), hn::Mul(cell, hn::Set(d, 0x1p-12f))), hn::Abs(inverse));
   BoxFrame f;
+  hn::Store(hn::Mul(cell, inverse), d, f.scale);
+  hn::Store(hn::Sub(middle, widen), d, f.nearOffset);
+  hn::Store(hn::Add(middle, widen), d, f.farOffset);
   for (int k = 0; k < 3; ++k) {
-    const float cell = static_cast<float>(1u << shift[k]);
-    const float widen = 1.0f + cell * 0x1p-12f;
-    const float base = static_cast<float>(lower[k]) - ray.origin[k];
-    const float inverse = ray.inverse[k];
-    const bool negative = inverse < 0.0f;
-    f.scale[k] = cell * inverse;
-    f.nearOffset[k] = (negative ? base + widen : base - widen) * inverse;
-    f.farOffset[k] = (negative ? base - widen : base + widen) * inverse;
-    const std::uint8_t* low = planes + 2 * static_cast<std::uint32_t>(k) * stride;
-    f.nearPlanes[k] = negative ? low + stride : low;
-    f.farPlanes[k] = negative ? low : low + stride;
+    f.nearPlanes[k] = planes + ray.nearPlane[k] * stride;
+    f.farPlanes[k] = planes + (ray.nearPlane[k] ^ 1u) * stride;
   }
   return f;
 }
@@ -450,6 +444,15 @@ HWY_INLINE bool testCluster(const std::byte* bytes, PreparedRay& ray, std::uint3
   met &= ~0ull >> (64 - leaves);
   if (met == 0) return false;
 
+  // What the first leaves will read: records, and vertices about where they must be.
+  const std::uint32_t vertexBytes = h.vertices() * h.vertexBits() / 8;
+  std::uint64_t soon = met;
+  for (int i = 0; i < 3 && soon != 0; ++i, soon &= soon - 1) {
+    const auto leaf = static_cast<std::uint32_t>(std::countr_zero(soon));
+    const std::uint8_t* vertices = blob + h.vertexOffset + leaf * vertexBytes / leaves;
+    __builtin_prefetch(vertices);
+    __builtin_prefetch(vertices + 64);
+  }
   const Cluster c = openCluster(blob, h, ray);
   bool found = false;
   while (met != 0) {

@@ -15,7 +15,7 @@ struct MeshView {
   const std::uint32_t* table;
 
   const std::byte* blob(std::uint32_t cluster) const {
-    return bytes + (std::size_t(table[cluster]) << layout::kTableShift);
+    return bytes + layout::blobOffset(table[cluster]);
   }
   /// Asks for what a visit of a node or cluster reads first.
   void prefetch(std::uint32_t child) const {

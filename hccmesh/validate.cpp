@@ -31,7 +31,10 @@ layout::Header checkHeader(std::span<const std::byte> bytes) {
   layout::Header h;
   std::memcpy(&h, bytes.data(), sizeof(h));
   check(std::memcmp(h.magic, layout::kMagic, 4) == 0, "wrong magic", 0);
-  check(h.version == layout::kVersion, "unknown version", 4);
+  if (h.version != layout::kVersion)
+    throw FormatError("an HCCMesh of version " + std::to_string(h.version) +
+                      ", this program reads version " + std::to_string(layout::kVersion) +
+                      "; bake again");
   check(h.byteSize == bytes.size(), "size differs from the buffer's", 8);
   check(h.checksum == checksumOf(bytes), "wrong checksum", 16);
   for (double o : h.gridOrigin) check(std::isfinite(o), "grid origin not finite", 24);
@@ -199,7 +202,7 @@ void validate(std::span<const std::byte> bytes) {
   const std::uint64_t tableEnd = sizeof(h) + 4ull * h.clusterCount;
   check(allZero(bytes.data() + tableEnd, bytes.data() + first), "padding not zero", tableEnd);
   const auto begin = [&](std::uint64_t i) {
-    return i < table.size() ? std::uint64_t(table[i]) << layout::kTableShift : end;
+    return i < table.size() ? layout::blobOffset(table[i]) : end;
   };
   check(begin(0) == first, "first cluster not after the table", sizeof(h));
   for (std::uint64_t i = 0; i < table.size(); ++i)

@@ -30,7 +30,8 @@ Json describe(const hccm::Sizes& s) {
           {"nodes_bytes", s.nodes},
           {"normals_bytes", s.normals},
           {"texture_coordinates_bytes", s.texCoords},
-          {"colours_bytes", s.colors}};
+          {"colours_bytes", s.colors},
+          {"padding_bytes", s.padding}};
 }
 
 Json describe(const hccm::Mesh& mesh) {
@@ -127,11 +128,7 @@ void addMeshes(Json& out, const RayScene& rays) {
     error = parts.paged->errorBound();
   }
   for (const hccm::Mesh& mesh : parts.shared) {
-    const hccm::Sizes s = mesh.sizes();
-    sum.header += s.header, sum.clusterTable += s.clusterTable;
-    sum.clusterHeaders += s.clusterHeaders, sum.vertices += s.vertices;
-    sum.topology += s.topology, sum.nodes += s.nodes, sum.normals += s.normals;
-    sum.texCoords += s.texCoords, sum.colors += s.colors;
+    sum += mesh.sizes();
     finest = std::min(finest, mesh.step());
     coarsest = std::max(coarsest, mesh.step());
     error = std::max(error, mesh.errorBound());

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cstring>
 #include <string>
 
 #include "tests/bench/bumpy_sphere.h"
@@ -33,6 +34,35 @@ inline Mesh scanMesh(double triangles) {
     const glm::uvec4 quad(a.x, a.y, a.z, b.z);
     a = {quad.x, quad.y, quad.w};
     b = {quad.y, quad.z, quad.w};
+  }
+  return mesh;
+}
+
+/// A ball of long thin triangles: few rings, many columns. Closed.
+inline Mesh needleMesh(double triangles) {
+  constexpr std::uint32_t kRings = 6;
+  const auto columns = static_cast<std::uint32_t>(std::max(3.0, triangles / (2.0 * (kRings - 1))));
+  Mesh mesh;
+  mesh.name = "needles";
+  const auto at = [](double polar, double turn) {
+    return vec3(
+        dvec3(std::sin(polar) * std::cos(turn), std::cos(polar), std::sin(polar) * std::sin(turn)));
+  };
+  mesh.positions = {vec3(0.0f, 1.0f, 0.0f), vec3(0.0f, -1.0f, 0.0f)};
+  for (std::uint32_t ring = 1; ring < kRings; ++ring)
+    for (std::uint32_t c = 0; c < columns; ++c)
+      mesh.positions.push_back(
+          at(3.141592653589793 * ring / kRings, 6.283185307179586 * c / columns));
+  const auto vertex = [&](std::uint32_t ring, std::uint32_t c) {
+    return 2 + (ring - 1) * columns + c % columns;
+  };
+  for (std::uint32_t c = 0; c < columns; ++c) {
+    mesh.triangles.push_back({0, vertex(1, c + 1), vertex(1, c)});
+    mesh.triangles.push_back({1, vertex(kRings - 1, c), vertex(kRings - 1, c + 1)});
+    for (std::uint32_t ring = 1; ring + 1 < kRings; ++ring) {
+      mesh.triangles.push_back({vertex(ring, c), vertex(ring, c + 1), vertex(ring + 1, c)});
+      mesh.triangles.push_back({vertex(ring, c + 1), vertex(ring + 1, c + 1), vertex(ring + 1, c)});
+    }
   }
   return mesh;
 }
@@ -145,9 +175,10 @@ inline Mesh assemblyMesh(double triangles) {
   return mesh;
 }
 
-/// "sphere", "scan", "terrain" or "assembly"; an empty mesh for other names.
+/// "sphere", "scan", "needles", "terrain" or "assembly"; an empty mesh for other names.
 inline Mesh meshOfKind(const std::string& kind, double triangles) {
   if (kind == "scan") return scanMesh(triangles);
+  if (kind == "needles") return needleMesh(triangles);
   if (kind == "terrain") return terrainMesh(triangles);
   if (kind == "assembly") return assemblyMesh(triangles);
   if (kind == "sphere")

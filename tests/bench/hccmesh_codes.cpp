@@ -69,7 +69,9 @@ double planeWidths(const std::vector<VertexKey>& vertices, const glm::ivec3& low
   return least;
 }
 
-int bitsFor(std::size_t count) { return count > 1 ? static_cast<int>(std::bit_width(count - 1)) : 1; }
+int bitsFor(std::size_t count) {
+  return count > 1 ? static_cast<int>(std::bit_width(count - 1)) : 1;
+}
 
 Bits measure(const ClusterInput& in) {
   Bits b;

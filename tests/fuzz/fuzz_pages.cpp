@@ -17,7 +17,7 @@ using hccm::PageTable;
 using trex::fuzz::require;
 using Bytes = std::vector<std::byte>;
 
-constexpr std::size_t kHeader = 152, kChecksum = 16, kPages = 24;
+constexpr std::size_t kHeader = 160, kChecksum = 16, kPages = 24;
 
 class Pages : public hccm::PageFile {
  public:

@@ -1,6 +1,8 @@
 add_executable(hccmesh_test
   ${CMAKE_CURRENT_LIST_DIR}/hccmesh_test.cpp
+  ${CMAKE_CURRENT_LIST_DIR}/hccmesh_extremes_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/hccmesh_format_test.cpp
+  ${CMAKE_CURRENT_LIST_DIR}/hccmesh_pack_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/hccmesh_trace_test.cpp)
 target_link_libraries(hccmesh_test PRIVATE hccmesh GTest::gtest_main)
 find_path(XXHASH_INCLUDE_DIR xxhash.h REQUIRED)
