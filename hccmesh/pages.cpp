@@ -36,7 +36,8 @@ void forSizes(Sizes& s, const Function& f) {
   std::uint64_t* const fields[10] = {&s.header,   &s.clusterTable, &s.clusterHeaders, &s.vertices,
                                      &s.topology, &s.nodes,        &s.normals,        &s.texCoords,
                                      &s.colors,   &s.padding};
-  for (int i = 0; i < 10; ++i) f(i, *fields[i]); i < 9; ++i) f(i, *fields[i]);
+  for (int i = 0; i < 10; ++i) f(i, *fields[i]);
+  i < 9; ++i) f(i, *fields[i]);
 }
 
 std::uint64_t checksumOfTable(std::span<const std::byte> bytes) {
