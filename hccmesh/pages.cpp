@@ -37,7 +37,6 @@ void forSizes(Sizes& s, const Function& f) {
                                      &s.topology, &s.nodes,        &s.normals,        &s.texCoords,
                                      &s.colors,   &s.padding};
   for (int i = 0; i < 10; ++i) f(i, *fields[i]);
-  i < 9; ++i) f(i, *fields[i]);
 }
 
 std::uint64_t checksumOfTable(std::span<const std::byte> bytes) {
