@@ -91,7 +91,11 @@ Grid chooseGrid(const Extent& e, const BuildOptions& options) {
   if (!options.chooseOrigin && !isFinite(options.gridOrigin)) refuse("gridOrigin is not finite");
   Grid g;
   g.origin = options.chooseOrigin ? glm::dvec3(0.0) : options.gridOrigin;
-  if (e.empty()) return g;
+  if (e.empty()) {
+    g.stepExponent = options.stepExponent.value_or(0);
+    g.cells = std::ldexp(1.0, -g.stepExponent);
+    return g;
+  }
   if (options.chooseOrigin) g.origin = e.lower * 0.5 + e.upper * 0.5;
   const glm::dvec3 size = e.upper - e.lower;
   const glm::dvec3 reach = glm::max(glm::abs(e.lower - g.origin), glm::abs(e.upper - g.origin));
@@ -107,6 +111,10 @@ Grid chooseGrid(const Extent& e, const BuildOptions& options) {
   };
   g.stepExponent = std::max(exponentFor(largest, options.precisionBits), exponentFor(furthest, 23));
   if (largest == 0.0 && furthest == 0.0) g.stepExponent = -24;
+  if (options.stepExponent) {
+    if (*options.stepExponent < exponentFor(furthest, 23)) refuse("the step given is too small");
+    g.stepExponent = *options.stepExponent;
+  }
   g.cells = std::ldexp(1.0, -g.stepExponent);
   return g;
 }

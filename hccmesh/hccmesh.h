@@ -44,6 +44,7 @@
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <memory>
+#include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -70,10 +71,13 @@ struct Part {
   std::uint32_t material = 0, object = 0;
 };
 
+struct ClusterPage;
+
 struct BuildOptions {
   int precisionBits = 24;    ///< grid cells along the largest extent: 2^bits, 8..24
   bool chooseOrigin = true;  ///< grid origin = centre of the bounds; else as given
   glm::dvec3 gridOrigin{0.0};
+  std::optional<int> stepExponent;  ///< step 2^n instead of one by precisionBits
 };
 
 /// Bytes by part, for `trex info` and the memory bar.
@@ -141,6 +145,9 @@ class Mesh {
   /// As above, of bytes that stay where they are, such as a mapped file: `owner` keeps them alive.
   /// They must start at a multiple of 8 and not change. Throws FormatError.
   static Mesh fromView(std::span<const std::byte> bytes, std::shared_ptr<const void> owner);
+  /// A mesh of the blobs of a page as unpackClusters() gives them, on the grid of `grid`. Bounds
+  /// and triangle count are not known to it.
+  static Mesh fromPage(const ClusterPage& page, const Mesh& grid);
 
   std::span<const std::byte> bytes() const { return bytes_; }
   std::uint64_t topLevelBytes() const { return top_.bytes(); }  ///< not in bytes()
@@ -162,6 +169,12 @@ class Mesh {
   std::uint32_t clusterObject(std::uint32_t cluster) const;
   /// `index` as in a Hit: 8 times the leaf, plus the place in the leaf. (So indices have gaps.)
   Triangle triangle(std::uint32_t cluster, std::uint32_t index) const;
+  /// Calls use(index) for each triangle of a cluster, in order.
+  template <typename Function>
+  void forTriangles(std::uint32_t cluster, const Function& use) const {
+    for (std::uint32_t leaf = 0; leaf < clusterLeafCount(cluster); ++leaf)
+      for (std::uint32_t i = 0; i < leafTriangleCount(cluster, leaf); ++i) use(8 * leaf + i);
+  }
   /// The blob of a cluster.
   std::span<const std::byte> clusterBytes(std::uint32_t cluster) const;
 

@@ -185,9 +185,10 @@ std::size_t partitionByBins(std::span<Reference> references) {
 // Beyond this depth the input is hostile to bins and is cut in the middle.
 constexpr int kMaxBinDepth = 48;
 
-void splitTop(std::span<Reference> all, Range range, int depth, std::vector<Range>& out) {
+void splitTop(std::span<Reference> all, Range range, std::size_t pieceSize, int depth,
+              std::vector<Range>& out) {
   const std::size_t count = range.end - range.begin;
-  if (count <= kPieceSize) {
+  if (count <= pieceSize) {
     if (count > 0) out.push_back(range);
     return;
   }
@@ -195,17 +196,17 @@ void splitTop(std::span<Reference> all, Range range, int depth, std::vector<Rang
       range.begin +
       (depth < kMaxBinDepth ? partitionByBins(all.subspan(range.begin, count)) : count / 2);
   if (count < kParallel) {
-    splitTop(all, {range.begin, middle}, depth + 1, out);
-    splitTop(all, {middle, range.end}, depth + 1, out);
+    splitTop(all, {range.begin, middle}, pieceSize, depth + 1, out);
+    splitTop(all, {middle, range.end}, pieceSize, depth + 1, out);
     return;
   }
   std::vector<Range> right;
   tbb::parallel_invoke(
       [&] {
-        splitTop(all, {range.begin, middle}, depth + 1, out);
+        splitTop(all, {range.begin, middle}, pieceSize, depth + 1, out);
       },
       [&] {
-        splitTop(all, {middle, range.end}, depth + 1, right);
+        splitTop(all, {middle, range.end}, pieceSize, depth + 1, right);
       });
   out.insert(out.end(), right.begin(), right.end());
 }
@@ -216,9 +217,9 @@ float ceilTo(std::size_t count, std::size_t unit) {
 
 }  // namespace
 
-std::vector<Range> splitIntoPieces(std::span<Reference> references) {
+std::vector<Range> splitIntoPieces(std::span<Reference> references, std::size_t pieceSize) {
   std::vector<Range> pieces;
-  splitTop(references, {0, references.size()}, 0, pieces);
+  splitTop(references, {0, references.size()}, pieceSize, 0, pieces);
   return pieces;
 }
 

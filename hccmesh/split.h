@@ -25,10 +25,11 @@ struct Range {
   std::size_t begin, end;
 };
 
-/// Orders references so that pieces of at most kPieceSize lie together; returns these from left to
+/// Orders references so that pieces of at most `pieceSize` lie together; returns these from left to
 /// right. Equal for any number of threads (oneTBB).
 inline constexpr std::size_t kPieceSize = 2048;
-std::vector<Range> splitIntoPieces(std::span<Reference> references);
+std::vector<Range> splitIntoPieces(std::span<Reference> references,
+                                   std::size_t pieceSize = kPieceSize);
 
 /// How large clusters and leaves get; the format's by default.
 struct SplitLimits {

@@ -1,4 +1,4 @@
-// Writes small valid .hccm and .asvo files, where the fuzzing of those formats starts.
+// Writes small valid .hccm and .asvo files and pages, where the fuzzing of those formats starts.
 // Usage: fuzz_seeds FOLDER
 #include <algorithm>
 #include <cstdio>
@@ -14,6 +14,7 @@
 #include "hccmesh/validate.h"
 #include "tests/fuzz/plain_page.h"
 #include "tests/unit/asvo_shapes.h"
+#include "tests/unit/stream_meshes.h"
 
 namespace {
 
@@ -84,6 +85,24 @@ void writeMeshes(const fs::path& folder, const fs::path& pages) {
   }
 }
 
+/// A table's length, the table, its pages: as fuzz_pages reads them.
+void writePages(const fs::path& folder) {
+  using namespace hccm::test;
+  for (const int side : {1, 5, 40}) {
+    for (const bool attributes : {false, true}) {
+      const hccm::test::Soup soup = attributes ? randomSoup(side * 20, 1.0f, 1) : sheet(side);
+      const Streamed s = hccm::test::stream(soup, 3);
+      const std::vector<std::byte> table = s.table.toBytes();
+      const auto length = static_cast<std::uint32_t>(table.size());
+      std::vector<std::byte> bytes(sizeof(length));
+      std::memcpy(bytes.data(), &length, sizeof(length));
+      bytes.insert(bytes.end(), table.begin(), table.end());
+      bytes.insert(bytes.end(), s.pages->bytes.begin(), s.pages->bytes.end());
+      write(folder / (std::to_string(side) + (attributes ? "-attributes.pages" : ".pages")), bytes);
+    }
+  }
+}
+
 void writeTrees(const fs::path& folder) {
   for (const int depth : {1, 2, 3, 4}) {
     asvo_shapes::Shape sphere, strip;
@@ -109,7 +128,9 @@ int main(int argc, char** argv) {
   const fs::path folder = argv[1];
   fs::create_directories(folder / "hccm");
   fs::create_directories(folder / "asvo");
+  fs::create_directories(folder / "pages");
   fs::create_directories(folder / "pack");
   writeMeshes(folder / "hccm", folder / "pack");
   writeTrees(folder / "asvo");
+  writePages(folder / "pages");
 }
