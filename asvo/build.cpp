@@ -53,22 +53,12 @@ Bounds boundsOf(const TriangleSource& source) {
                               extend, join);
 }
 
-/// The cube: as given, or around the bounds. The margins differ, so that walls on round coordinates
-/// seldom fall on faces of voxels.
+/// The cube: as given, or around the bounds.
 Grid makeGrid(const TriangleSource& source, const BuildOptions& options, int depth) {
   Grid grid{glm::dvec3(options.lower), options.size, depth};
   if (options.size > 0.0f) return grid;
   const Bounds bounds = boundsOf(source);
-  if (bounds.empty()) return {glm::dvec3(0.0), 1.0, depth};
-  const glm::dvec3 size = bounds.upper - bounds.lower;
-  const glm::dvec3 far = glm::max(glm::abs(bounds.lower), glm::abs(bounds.upper));
-  double extent = std::max(size.x, std::max(size.y, size.z));
-  extent = std::max(extent, std::max(far.x, std::max(far.y, far.z)) * 1e-5);
-  if (!(extent > 0.0)) extent = 1.0;
-  // Rounded to the floats that the tracer uses.
-  grid.lower = glm::dvec3(glm::vec3(bounds.lower - extent * 0.0017));
-  grid.size = static_cast<float>(extent * 1.0041);
-  return grid;
+  return gridAround(bounds.lower, bounds.upper, depth);
 }
 
 /// Height over longest edge up to which a triangle counts as a line. Such a triangle has no area
@@ -79,12 +69,32 @@ constexpr double kSliver = 1e-6;
 /// Triangle i on the grid; false if it is to be ignored: not finite, or a sliver.
 bool load(const TriangleSource& source, std::uint64_t i, Triangle& triangle) {
   source.get(i, triangle);
+  return isBuildable(triangle);
+}
+
+}  // namespace
+
+bool isBuildable(const Triangle& triangle) {
   if (!isFinite(triangle)) return false;
   const glm::dvec3 a(triangle.position[0]), b(triangle.position[1]), c(triangle.position[2]);
   const glm::dvec3 ab = b - a, ac = c - a, bc = c - b, n = glm::cross(ab, ac);
   const double longest = std::max({glm::dot(ab, ab), glm::dot(ac, ac), glm::dot(bc, bc)});
   return std::sqrt(glm::dot(n, n)) > kSliver * longest;
 }
+
+Grid gridAround(const glm::dvec3& lower, const glm::dvec3& upper, int depth) {
+  if (!(lower.x <= upper.x)) return {glm::dvec3(0.0), 1.0, depth};
+  const glm::dvec3 size = upper - lower;
+  const glm::dvec3 far = glm::max(glm::abs(lower), glm::abs(upper));
+  double extent = std::max(size.x, std::max(size.y, size.z));
+  extent = std::max(extent, std::max(far.x, std::max(far.y, far.z)) * 1e-5);
+  if (!(extent > 0.0)) extent = 1.0;
+  // Rounded to the floats that the tracer uses.
+  return {glm::dvec3(glm::vec3(lower - extent * 0.0017)), static_cast<float>(extent * 1.0041),
+          depth};
+}
+
+namespace {
 
 /// Calls visit(octant) for the children of the cell at p (edge 2 * half) that the triangle touches;
 /// most small triangles are decided by their bounds.
@@ -317,6 +327,16 @@ void append(std::vector<T>& to, std::vector<T>& from, std::size_t at) {
   from = {};
 }
 
+}  // namespace
+
+LeafList buildSubTree(const TriangleSource& source, const Grid& grid, std::uint64_t maxLeaves,
+                      int level, const glm::vec3& p, std::uint64_t key,
+                      std::vector<std::uint32_t> list) {
+  SubTree subTree(source, grid, maxLeaves);
+  subTree.build(level, p, key, std::move(list));
+  return subTree.take();
+}
+
 Tree assemble(std::vector<LeafList>& lists, const Grid& grid) {
   std::vector<std::size_t> starts(1, 0);
   for (const LeafList& list : lists) starts.push_back(starts.back() + list.keys.size());
@@ -348,7 +368,6 @@ Tree assemble(std::vector<LeafList>& lists, const Grid& grid) {
   return tree;
 }
 
-/// A root without children.
 Tree emptyTree(const Grid& grid) {
   Tree tree;
   tree.info = {static_cast<float>(grid.lower.x),
@@ -370,6 +389,8 @@ std::uint64_t bytesOf(const Tree& tree) {
   return tree.nodes.size() * (sizeof(uvec2) + 3 * sizeof(uvec4)) +
          tree.leaves.size() * sizeof(uvec4);
 }
+
+namespace {
 
 void check(const TriangleSource& source, const BuildOptions& options) {
   if (options.depth < 0 || options.depth > static_cast<int>(ASVO_MAX_DEPTH)) {

@@ -86,6 +86,27 @@ class LeafBuilder {
   std::vector<std::pair<std::uint32_t, float>> materials_;
 };
 
+/// The cube around bounds: margins differ, so that walls on round coordinates seldom fall on faces
+/// of voxels. Empty bounds: a unit cube.
+Grid gridAround(const glm::dvec3& lower, const glm::dvec3& upper, int depth);
+
+/// The leaves below the cell of a level with lower corner p (sub-voxels) and Morton code `key`,
+/// from the triangles of a list; in excess of maxLeaves it may stop. The order of the list decides
+/// bits.
+LeafList buildSubTree(const TriangleSource& source, const Grid& grid, std::uint64_t maxLeaves,
+                      int level, const glm::vec3& p, std::uint64_t key,
+                      std::vector<std::uint32_t> list);
+
+/// Whether the builder takes a triangle: finite, and no sliver.
+bool isBuildable(const Triangle& triangle);
+
+/// The whole tree from lists of leaves in Morton order, of which none may be empty together.
+Tree assemble(std::vector<LeafList>& lists, const Grid& grid);
+/// A root without children.
+Tree emptyTree(const Grid& grid);
+/// Bytes of a tree's arrays with light.
+std::uint64_t bytesOf(const Tree& tree);
+
 /// Makes the levels above the leaves. tree.info, nodes (sized), voxels and surfaces of the leaves
 /// and levelOffsets are set; keys are those of the leaves.
 void buildLevels(Tree& tree, std::vector<std::uint64_t> keys, std::vector<Surface>& surfaces);

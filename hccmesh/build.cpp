@@ -91,7 +91,11 @@ Grid chooseGrid(const Extent& e, const BuildOptions& options) {
   if (!options.chooseOrigin && !isFinite(options.gridOrigin)) refuse("gridOrigin is not finite");
   Grid g;
   g.origin = options.chooseOrigin ? glm::dvec3(0.0) : options.gridOrigin;
-  if (e.empty()) return g;
+  if (e.empty()) {
+    g.stepExponent = options.stepExponent.value_or(0);
+    g.cells = std::ldexp(1.0, -g.stepExponent);
+    return g;
+  }
   if (options.chooseOrigin) g.origin = e.lower * 0.5 + e.upper * 0.5;
   const glm::dvec3 size = e.upper - e.lower;
   const glm::dvec3 reach = glm::max(glm::abs(e.lower - g.origin), glm::abs(e.upper - g.origin));
@@ -107,6 +111,10 @@ Grid chooseGrid(const Extent& e, const BuildOptions& options) {
   };
   g.stepExponent = std::max(exponentFor(largest, options.precisionBits), exponentFor(furthest, 23));
   if (largest == 0.0 && furthest == 0.0) g.stepExponent = -24;
+  if (options.stepExponent) {
+    if (*options.stepExponent < exponentFor(furthest, 23)) refuse("the step given is too small");
+    g.stepExponent = *options.stepExponent;
+  }
   g.cells = std::ldexp(1.0, -g.stepExponent);
   return g;
 }
@@ -164,7 +172,7 @@ struct Piece {
 };
 
 // One buffer out of all pieces, in their order.
-std::vector<std::byte> assemble(layout::Header& header, std::vector<Piece>& pieces) {
+Bytes assemble(layout::Header& header, std::vector<Piece>& pieces) {
   std::uint64_t clusters = 0, bytes = 0;
   std::vector<std::uint64_t> firstCluster, firstByte;
   for (const Piece& p : pieces) {
@@ -173,18 +181,19 @@ std::vector<std::byte> assemble(layout::Header& header, std::vector<Piece>& piec
     clusters += p.sizes.size();
     bytes += p.blobs.size();
   }
-  const std::uint64_t start = sizeof(header) + 4 * clusters;
+  const std::uint64_t start = layout::firstBlob(clusters);
   header.byteSize = start + bytes + layout::kTailBytes;
-  if (clusters > 0xffffffffu || header.byteSize > (4ull << 32)) refuse("the mesh is over 16 GiB");
+  if (clusters > 0xffffffffu || header.byteSize >> layout::kTableShift > 0xffffffffu)
+    refuse("the mesh is over 64 GiB");
   header.clusterCount = static_cast<std::uint32_t>(clusters);
-  std::vector<std::byte> out(header.byteSize);
+  Bytes out(header.byteSize);
   tbb::parallel_for(std::size_t{0}, pieces.size(), [&](std::size_t i) {
     Piece& p = pieces[i];
     std::uint64_t at = start + firstByte[i];
     if (!p.blobs.empty()) std::memcpy(out.data() + at, p.blobs.data(), p.blobs.size());
     std::byte* entry = out.data() + sizeof(header) + 4 * firstCluster[i];
     for (std::uint32_t size : p.sizes) {
-      const auto word = static_cast<std::uint32_t>(at / 4);
+      const auto word = static_cast<std::uint32_t>(at >> layout::kTableShift);
       std::memcpy(entry, &word, 4);
       entry += 4;
       at += size;

@@ -10,15 +10,6 @@
 namespace hccm {
 namespace {
 
-// A vertex as it is stored, or nearly so; vertices of equal bytes are one.
-struct VertexKey {
-  glm::ivec3 grid{0};
-  std::uint32_t normal = 0;
-  glm::vec2 texCoord{0.0f};
-  glm::u8vec4 color{0};
-};
-static_assert(sizeof(VertexKey) == 28);
-
 float finiteOrZero(float x) { return std::isfinite(x) ? x + 0.0f : 0.0f; }  // + 0: no negative zero
 
 std::uint32_t encodeNormal(const Source& s, std::uint32_t vertex, const glm::uvec3& corners) {
@@ -49,7 +40,10 @@ VertexKey makeVertex(const Source& s, const Grid& grid, std::uint32_t vertex,
 // Vertices of one cluster, each once.
 class Welder {
  public:
-  Welder() { slots_.fill(kFree); }
+  void clear() {
+    slots_.fill(kFree);
+    vertices_.clear();
+  }
   std::uint16_t add(const VertexKey& key) {
     std::uint32_t words[7];
     std::memcpy(words, static_cast<const void*>(&key), sizeof(key));
@@ -57,31 +51,21 @@ class Welder {
     for (std::uint32_t w : words) hash = (hash ^ w) * 0x9e3779b97f4a7c15ull, hash ^= hash >> 29;
     for (std::size_t slot = hash % kSlots;; slot = (slot + 1) % kSlots) {
       if (slots_[slot] == kFree) {
-        slots_[slot] = static_cast<std::uint16_t>(count_);
-        vertices_[count_] = key;
-        return static_cast<std::uint16_t>(count_++);
+        slots_[slot] = static_cast<std::uint16_t>(count());
+        vertices_.push_back(key);
+        return slots_[slot];
       }
       if (std::memcmp(&vertices_[slots_[slot]], &key, sizeof(key)) == 0) return slots_[slot];
     }
   }
-  std::size_t count() const { return count_; }
+  std::size_t count() const { return vertices_.size(); }
   const VertexKey& operator[](std::size_t i) const { return vertices_[i]; }
 
  private:
-  static constexpr std::size_t kSlots = 1024;
+  static constexpr std::size_t kSlots = 4096;
   static constexpr std::uint16_t kFree = 0xffff;
   std::array<std::uint16_t, kSlots> slots_;
-  std::array<VertexKey, 3 * layout::kMaxTriangles> vertices_;
-  std::size_t count_ = 0;
-};
-
-using Corners = std::array<std::uint16_t, 3>;
-
-struct ClusterInput {
-  const Source* source = nullptr;  ///< for material, object and flags
-  std::vector<std::uint8_t> leafStarts;
-  std::vector<Corners> triangles;   ///< in leaf order
-  std::vector<VertexKey> vertices;  ///< in the order of their first use
+  std::vector<VertexKey> vertices_;
 };
 
 // Least shift with which the extent ends at 255 or below.
@@ -110,21 +94,77 @@ TexCoordRange texCoordRange(const std::vector<VertexKey>& vertices) {
   return r;
 }
 
+// Bits appended to zeroed bytes.
+class BitWriter {
+ public:
+  explicit BitWriter(std::byte* stream) : stream_(stream) {}
+  void put(std::uint32_t value, std::uint32_t bits) {
+    layout::writeBits(stream_, at_, bits, value);
+    at_ += bits;
+  }
+  void align() { at_ = (at_ + 7u) & ~7u; }
+  std::uint32_t bytes() const { return (at_ + 7u) / 8u; }
+
+ private:
+  std::byte* stream_;
+  std::uint32_t at_ = 0;
+};
+
+// A leaf's record, at most kMaxRecord bytes; `used` vertices have been used by leaves before.
+constexpr std::uint32_t kMaxRecord = 32;
+std::uint32_t writeRecord(const Strip& strip, std::uint32_t& used, std::byte* out) {
+  std::array<std::uint16_t, layout::kMaxEntries> local;
+  std::uint32_t locals = 0, fresh = 0, next = 0;
+  std::array<std::uint32_t, layout::kMaxEntries> place;
+  const std::uint32_t firstFresh = used;
+  for (std::uint32_t i = 0; i < strip.size; ++i) {
+    const auto end = local.begin() + locals;
+    const auto at = std::find(local.begin(), end, strip.entries[i]);
+    place[i] = static_cast<std::uint32_t>(at - local.begin());
+    if (at != end) continue;
+    next |= 1u << i;
+    if (strip.entries[i] == used) fresh |= 1u << locals, ++used;
+    local[locals++] = strip.entries[i];
+  }
+  BitWriter w(out);
+  w.put(firstFresh, 8);
+  w.put(strip.size - 3, 4);
+  w.put(strip.starts >> 1, strip.size - 3);
+  w.put(next >> 3, strip.size - 3);
+  w.put(fresh, locals);
+  for (std::uint32_t i = 0; i < strip.size; ++i)
+    if (!(next >> i & 1u)) w.put(place[i], 4);
+  w.align();
+  for (std::uint32_t i = 0; i < locals; ++i)
+    if (!(fresh >> i & 1u)) w.put(local[i], 8);
+  return w.bytes();
+}
+
 class BlobWriter {
  public:
   BlobWriter(const ClusterInput& in, std::vector<std::byte>& out) : in_(in) {
+    writeRecords();
     layOut();
-    start_ = out.size();
-    out.resize(start_ + offsets_.end);
-    blob_ = out.data() + start_;
+    const std::size_t start = out.size();
+    out.resize(start + offsets_.end);
+    blob_ = out.data() + start;
     std::memcpy(blob_, &header_, sizeof(header_));
     if (header_.leafCount > 1) writeBoxes();
-    writeTopology();
+    placeRecords();
     writeVertices();
     writeAttributes();
   }
 
  private:
+  void writeRecords() {
+    records_.resize(in_.leaves.size() * kMaxRecord);
+    std::uint32_t used = 0;
+    for (const Strip& leaf : in_.leaves) {
+      recordStarts_.push_back(recordBytes_);
+      recordBytes_ += writeRecord(leaf, used, records_.data() + recordBytes_);
+    }
+  }
+
   void layOut() {
     layout::ClusterHeader& h = header_;
     h = {};
@@ -135,10 +175,11 @@ class BlobWriter {
     }
     h.material = in_.source->part.material;
     h.object = in_.source->part.object;
-    h.triangleCountLess1 = static_cast<std::uint8_t>(in_.triangles.size() - 1);
-    h.vertexCountLess1 = static_cast<std::uint8_t>(in_.vertices.size() - 1);
-    h.leafCount = static_cast<std::uint8_t>(in_.leafStarts.size());
-    h.indexBits = static_cast<std::uint8_t>(std::bit_width(in_.vertices.size() - 1));
+    int triangles = 0;
+    for (const Strip& leaf : in_.leaves) triangles += std::popcount(leaf.starts);
+    h.triangleCountLess1 = static_cast<std::uint8_t>(triangles - 1);
+    h.vertexCount = static_cast<std::uint8_t>(in_.vertices.size());
+    h.leafCount = static_cast<std::uint8_t>(in_.leaves.size());
     h.flags = in_.source->flags;
     if (h.flags & layout::kTexCoords) {
       range_ = texCoordRange(in_.vertices);
@@ -146,61 +187,56 @@ class BlobWriter {
     }
     for (int k = 0; k < 3; ++k) {
       const auto extent = static_cast<std::uint32_t>(upper[k] - lower[k]);
-      h.anchor[k] = lower[k];
+      h.lower[k] = lower[k];
       h.width[k] = static_cast<std::uint8_t>(std::bit_width(extent));
       h.boxShift[k] = boxShiftFor(extent);
       h.top[k] = static_cast<std::uint8_t>((extent + (1u << h.boxShift[k]) - 1u) >> h.boxShift[k]);
     }
+    h.vertexOffset = static_cast<std::uint16_t>(layout::offsetsOf(h).records + recordBytes_);
     offsets_ = layout::offsetsOf(h);
-    h.topologyOffset = static_cast<std::uint16_t>(offsets_.topology);
-    h.vertexOffset = static_cast<std::uint16_t>(offsets_.vertices);
   }
 
-  glm::uvec3 offsetOf(const VertexKey& v) const {
-    return glm::uvec3(v.grid - glm::ivec3(header_.anchor[0], header_.anchor[1], header_.anchor[2]));
+  glm::uvec3 offsetOf(std::size_t vertex) const {
+    return glm::uvec3(in_.vertices[vertex].grid -
+                      glm::ivec3(header_.lower[0], header_.lower[1], header_.lower[2]));
   }
 
   void writeBoxes() {
-    const std::size_t leaves = in_.leafStarts.size();
-    for (std::size_t leaf = 0; leaf < 8u * header_.groups(); ++leaf) {
+    const std::size_t leaves = in_.leaves.size();
+    for (std::size_t leaf = 0; leaf < leaves; ++leaf) {
       glm::uvec3 lower(0xffffffffu), upper(0u);
-      if (leaf < leaves) {
-        const std::size_t end = leaf + 1 < leaves ? in_.leafStarts[leaf + 1] : in_.triangles.size();
-        for (std::size_t t = in_.leafStarts[leaf]; t < end; ++t)
-          for (std::uint16_t vertex : in_.triangles[t]) {
-            lower = glm::min(lower, offsetOf(in_.vertices[vertex]));
-            upper = glm::max(upper, offsetOf(in_.vertices[vertex]));
-          }
-        blob_[offsets_.leafStarts + leaf] = static_cast<std::byte>(in_.leafStarts[leaf]);
+      for (std::uint32_t i = 0; i < in_.leaves[leaf].size; ++i) {
+        const glm::uvec3 offset = offsetOf(in_.leaves[leaf].entries[i]);
+        lower = glm::min(lower, offset);
+        upper = glm::max(upper, offset);
       }
-      std::byte* planes = blob_ + offsets_.boxes + leaf / 8 * layout::kGroupBytes + leaf % 8;
-      for (int k = 0; k < 3; ++k) {
+      std::byte* planes = blob_ + offsets_.boxes + leaf;
+      for (int k = 0; k < 3; ++k, planes += 2 * leaves) {
         const std::uint32_t shift = header_.boxShift[k];
-        const bool used = leaf < leaves;
-        planes[16 * k] = static_cast<std::byte>(used ? lower[k] >> shift : 255u);
-        planes[16 * k + 8] =
-            static_cast<std::byte>(used ? (upper[k] + (1u << shift) - 1u) >> shift : 0u);
+        planes[0] = static_cast<std::byte>(lower[k] >> shift);
+        planes[leaves] = static_cast<std::byte>((upper[k] + (1u << shift) - 1u) >> shift);
       }
     }
   }
 
-  void writeTopology() {
-    std::uint32_t bit = 0;
-    for (const Corners& triangle : in_.triangles)
-      for (std::uint16_t vertex : triangle) {
-        layout::writeBits(blob_ + offsets_.topology, bit, header_.indexBits, vertex);
-        bit += header_.indexBits;
+  void placeRecords() {
+    std::uint32_t group = 0;
+    for (std::size_t leaf = 0; leaf < recordStarts_.size(); ++leaf) {
+      if (leaf % 8 == 0) {
+        group = recordStarts_[leaf];
+        const auto at = static_cast<std::uint16_t>(offsets_.records + group);
+        put(blob_ + offsets_.groupStarts + leaf / 8 * 2, at);
       }
+      blob_[offsets_.leafStarts + leaf] = static_cast<std::byte>(recordStarts_[leaf] - group);
+    }
+    std::memcpy(blob_ + offsets_.records, records_.data(), recordBytes_);
   }
 
   void writeVertices() {
-    std::uint32_t bit = 0;
-    for (const VertexKey& v : in_.vertices) {
+    BitWriter w(blob_ + offsets_.vertices);
+    for (std::size_t v = 0; v < in_.vertices.size(); ++v) {
       const glm::uvec3 offset = offsetOf(v);
-      for (int k = 0; k < 3; ++k) {
-        layout::writeBits(blob_ + offsets_.vertices, bit, header_.width[k], offset[k]);
-        bit += header_.width[k];
-      }
+      for (int k = 0; k < 3; ++k) w.put(offset[k], header_.width[k]);
     }
   }
 
@@ -238,52 +274,103 @@ class BlobWriter {
   layout::ClusterHeader header_;
   layout::Offsets offsets_;
   TexCoordRange range_;
-  std::size_t start_ = 0;
+  std::vector<std::byte> records_;
+  std::vector<std::uint32_t> recordStarts_;
+  std::uint32_t recordBytes_ = 0;
   std::byte* blob_ = nullptr;
+};
+
+// The work on one piece.
+class ClusterMaker {
+ public:
+  ClusterMaker(std::span<const Source> sources, const Grid& grid, std::span<const Reference> piece,
+               const SplitLimits& limits)
+      : sources_(sources),
+        grid_(grid),
+        piece_(piece),
+        limits_(limits),
+        splitter_(piece, limits),
+        corners_(piece.size()) {}
+
+  void run(const std::function<void(const ClusterInput&)>& take) {
+    for (Range cluster; splitter_.nextCluster(cluster);) {
+      weld(cluster);
+      if (welder_.count() <= limits_.vertices && makeLeaves(cluster))
+        take(in_);
+      else
+        splitter_.refuse(cluster);
+    }
+  }
+
+ private:
+  void weld(const Range& cluster) {
+    welder_.clear();
+    for (PieceSplitter::Index i : splitter_.triangles(cluster)) {
+      const Source& source = sources_[piece_[i].source];
+      const glm::uvec3 corners = source.corners(piece_[i].triangle);
+      for (int k = 0; k < 3; ++k)
+        corners_[i][static_cast<std::size_t>(k)] =
+            welder_.add(makeVertex(source, grid_, corners[k], corners));
+    }
+  }
+
+  bool stripOf(std::span<const PieceSplitter::Index> triangles, Strip& strip) const {
+    std::array<Corners, layout::kLeafSize> corners;
+    for (std::size_t i = 0; i < triangles.size(); ++i) corners[i] = corners_[triangles[i]];
+    return makeStrip(std::span(corners).first(triangles.size()), strip);
+  }
+
+  bool makeLeaves(const Range& cluster) {
+    // The strips that fit are those of the leaves, in their order.
+    in_.leaves.clear();
+    splitter_.splitIntoLeaves(cluster, [&](std::span<const PieceSplitter::Index> leaf) {
+      Strip strip;
+      if (!stripOf(leaf, strip)) return false;
+      in_.leaves.push_back(strip);
+      return true;
+    });
+    if (in_.leaves.size() > limits_.leaves) return false;
+    in_.source = &sources_[piece_[splitter_.triangles(cluster)[0]].source];
+    in_.vertices.clear();
+    std::vector<std::uint16_t> renumbered(welder_.count(), 0xffff);
+    for (Strip& strip : in_.leaves)
+      for (std::uint32_t i = 0; i < strip.size; ++i) {
+        std::uint16_t& number = renumbered[strip.entries[i]];
+        if (number == 0xffff) {
+          number = static_cast<std::uint16_t>(in_.vertices.size());
+          in_.vertices.push_back(welder_[strip.entries[i]]);
+        }
+        strip.entries[i] = number;
+      }
+    return true;
+  }
+
+  std::span<const Source> sources_;
+  const Grid& grid_;
+  std::span<const Reference> piece_;
+  SplitLimits limits_;
+  PieceSplitter splitter_;
+  Welder welder_;
+  std::vector<Corners> corners_;  ///< of the piece's triangles, as numbers of welder_
+  ClusterInput in_;
 };
 
 }  // namespace
 
+void forEachCluster(std::span<const Source> sources, const Grid& grid,
+                    std::span<const Reference> piece, const SplitLimits& limits,
+                    const std::function<void(const ClusterInput&)>& take) {
+  ClusterMaker(sources, grid, piece, limits).run(take);
+}
+
 void encodePiece(std::span<const Source> sources, const Grid& grid,
                  std::span<const Reference> piece, std::vector<std::byte>& blobs,
                  std::vector<std::uint32_t>& sizes) {
-  PieceSplitter splitter(piece);
-  std::vector<Corners> cornersOf(piece.size());
-  ClusterInput in;
-  for (Range cluster; splitter.nextCluster(cluster);) {
-    Welder welder;
-    for (PieceSplitter::Index i : splitter.triangles(cluster)) {
-      const Source& source = sources[piece[i].source];
-      const glm::uvec3 corners = source.corners(piece[i].triangle);
-      for (int k = 0; k < 3; ++k)
-        cornersOf[i][k] = welder.add(makeVertex(source, grid, corners[k], corners));
-    }
-    if (welder.count() > layout::kMaxVertices) {
-      splitter.refuse(cluster);
-      continue;
-    }
-    in.source = &sources[piece[splitter.triangles(cluster)[0]].source];
-    in.leafStarts = splitter.splitIntoLeaves(cluster);
-    in.triangles.clear();
-    in.vertices.clear();
-    std::array<std::uint16_t, 3 * layout::kMaxTriangles> renumbered;
-    renumbered.fill(0xffff);
-    for (PieceSplitter::Index i : splitter.triangles(cluster)) {
-      Corners corners = cornersOf[i];
-      for (std::uint16_t& corner : corners) {
-        std::uint16_t& number = renumbered[corner];
-        if (number == 0xffff) {
-          number = static_cast<std::uint16_t>(in.vertices.size());
-          in.vertices.push_back(welder[corner]);
-        }
-        corner = number;
-      }
-      in.triangles.push_back(corners);
-    }
+  forEachCluster(sources, grid, piece, {}, [&](const ClusterInput& in) {
     const std::size_t before = blobs.size();
     BlobWriter(in, blobs);
     sizes.push_back(static_cast<std::uint32_t>(blobs.size() - before));
-  }
+  });
 }
 
 }  // namespace hccm

@@ -3,12 +3,14 @@
 
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <glm/glm.hpp>
 #include <span>
 #include <vector>
 
 #include "hccmesh/hccmesh.h"
 #include "hccmesh/split.h"
+#include "hccmesh/strip.h"
 
 namespace hccm {
 
@@ -43,6 +45,28 @@ struct Source {
     return mirrored ? glm::uvec3(t.x, t.z, t.y) : t;
   }
 };
+
+/// A vertex as it is stored, or nearly so; vertices of equal bytes are one.
+struct VertexKey {
+  glm::ivec3 grid{0};
+  std::uint32_t normal = 0;
+  glm::vec2 texCoord{0.0f};
+  glm::u8vec4 color{0};
+};
+static_assert(sizeof(VertexKey) == 28);
+
+/// A cluster before it is bytes.
+struct ClusterInput {
+  const Source* source = nullptr;   ///< for material, object and flags
+  std::vector<Strip> leaves;        ///< of vertex numbers
+  std::vector<VertexKey> vertices;  ///< in the order of their first use by entries of leaves
+};
+
+/// Splits a piece into clusters and hands over each. The piece's triangles are of one material,
+/// object and set of attributes.
+void forEachCluster(std::span<const Source> sources, const Grid& grid,
+                    std::span<const Reference> piece, const SplitLimits& limits,
+                    const std::function<void(const ClusterInput&)>& take);
 
 /// Splits a piece into clusters and appends their blobs; `sizes` takes the bytes of each.
 void encodePiece(std::span<const Source> sources, const Grid& grid,

@@ -44,10 +44,14 @@
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <memory>
+#include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
 #include <vector>
+
+#include "hccmesh/bytes.h"
+#include "hccmesh/top_level.h"
 
 namespace hccm {
 
@@ -67,17 +71,21 @@ struct Part {
   std::uint32_t material = 0, object = 0;
 };
 
+struct ClusterPage;
+
 struct BuildOptions {
   int precisionBits = 24;    ///< grid cells along the largest extent: 2^bits, 8..24
   bool chooseOrigin = true;  ///< grid origin = centre of the bounds; else as given
   glm::dvec3 gridOrigin{0.0};
+  std::optional<int> stepExponent;  ///< step 2^n instead of one by precisionBits
 };
 
 /// Bytes by part, for `trex info` and the memory bar.
 struct Sizes {
   std::uint64_t header = 0, clusterTable = 0, clusterHeaders = 0, vertices = 0, topology = 0,
-                nodes = 0, normals = 0, texCoords = 0, colors = 0;
+                nodes = 0, normals = 0, texCoords = 0, colors = 0, padding = 0;
   std::uint64_t total() const;
+  Sizes& operator+=(const Sizes& other);
 };
 
 /// A ray in mesh space. The largest component of the direction must be at least 2^-60 and finite,
@@ -107,15 +115,20 @@ struct Triangle {
 };
 
 /// What one ray needs in every cluster, computed once a ray and mesh. Lengths in grid cells.
-struct PreparedRay {
-  float origin[3];
-  float shear[3];        ///< [Woop et al. 2013]: d[kx]/d[kz], d[ky]/d[kz], 1/d[kz]
-  float inverse[3];      ///< 1/direction, never infinite
-  float tnear, tfar;     ///< in cells a unit of direction; see Mesh::setFar
-  float step, cells;     ///< metres a cell, cells a metre
-  double shift;          ///< t that origin was moved forward by, in those units
-  std::int32_t axis[3];  ///< kx, ky, kz
+struct alignas(16) PreparedRay {
+  float origin[4];
+  float inverse[4];            ///< 1/direction, never infinite
+  float shear[3];              ///< [Woop et al. 2013]: d[kx]/d[kz], d[ky]/d[kz], 1/d[kz]
+  float tnear, tfar;           ///< in cells a unit of direction; see Mesh::setFar
+  float step, cells;           ///< metres a cell, cells a metre
+  std::int32_t axis[3];        ///< kx, ky, kz
+  std::uint32_t nearPlane[3];  ///< of lower x, upper x, lower y, ...: which the ray meets first
+  double shift;                ///< t that origin was moved forward by, in those units
+  /// By object number, not 0: its clusters are not there for this ray. Null: all are.
+  const std::uint8_t* hidden = nullptr;
 };
+
+struct MeshView;
 
 class Mesh {
  public:
@@ -127,13 +140,17 @@ class Mesh {
   /// std::invalid_argument for an index out of range, an array of the wrong length or an extent
   /// outside the limits.
   static Mesh build(std::span<const Part> parts, const BuildOptions& options = {});
-  /// Takes a buffer after validating all of it. Throws FormatError.
-  static Mesh fromBytes(std::vector<std::byte> bytes);
+  /// Copies a buffer after validating all of it. Throws FormatError.
+  static Mesh fromBytes(const std::vector<std::byte>& bytes);
   /// As above, of bytes that stay where they are, such as a mapped file: `owner` keeps them alive.
   /// They must start at a multiple of 8 and not change. Throws FormatError.
   static Mesh fromView(std::span<const std::byte> bytes, std::shared_ptr<const void> owner);
+  /// A mesh of the blobs of a page as unpackClusters() gives them, on the grid of `grid`. Bounds
+  /// and triangle count are not known to it.
+  static Mesh fromPage(const ClusterPage& page, const Mesh& grid);
 
   std::span<const std::byte> bytes() const { return bytes_; }
+  std::uint64_t topLevelBytes() const { return top_.bytes(); }  ///< not in bytes()
   std::uint64_t triangleCount() const;
   std::uint64_t droppedTriangles() const;  ///< of the source
   std::uint32_t clusterCount() const;
@@ -146,15 +163,30 @@ class Mesh {
   /// Exact bounds of all vertices in mesh space; both zero if there is no triangle.
   void bounds(glm::vec3& lower, glm::vec3& upper) const;
   std::uint32_t clusterTriangleCount(std::uint32_t cluster) const;
+  std::uint32_t clusterLeafCount(std::uint32_t cluster) const;
+  std::uint32_t leafTriangleCount(std::uint32_t cluster, std::uint32_t leaf) const;
   std::uint32_t clusterMaterial(std::uint32_t cluster) const;
   std::uint32_t clusterObject(std::uint32_t cluster) const;
+  /// `index` as in a Hit: 8 times the leaf, plus the place in the leaf. (So indices have gaps.)
   Triangle triangle(std::uint32_t cluster, std::uint32_t index) const;
+  /// Calls use(index) for each triangle of a cluster, in order.
+  template <typename Function>
+  void forTriangles(std::uint32_t cluster, const Function& use) const {
+    for (std::uint32_t leaf = 0; leaf < clusterLeafCount(cluster); ++leaf)
+      for (std::uint32_t i = 0; i < leafTriangleCount(cluster, leaf); ++i) use(8 * leaf + i);
+  }
+  /// The blob of a cluster.
+  std::span<const std::byte> clusterBytes(std::uint32_t cluster) const;
 
   PreparedRay prepare(const Ray& ray) const;
   /// Sets the far end of a prepared ray, in units of its direction.
   static void setFar(PreparedRay& ray, float tfar) {
     ray.tfar = static_cast<float>(double(tfar) * double(ray.cells) - ray.shift);
   }
+  /// Nearest hit of the whole mesh, as below.
+  bool intersect(PreparedRay& ray, Hit& hit) const;
+  /// Whether anything of the whole mesh lies in [tnear, tfar].
+  bool occluded(const PreparedRay& ray) const;
   /// Nearest hit inside one cluster in [tnear, tfar]; updates hit and tfar if it finds one. On
   /// equal t the lower (cluster, triangle) wins, so the result does not depend on the order of
   /// visits.
@@ -170,18 +202,24 @@ class Mesh {
  private:
   using IntersectFunction = bool (*)(const std::byte*, PreparedRay&, std::uint32_t, Hit&);
   using OccludedFunction = bool (*)(const std::byte*, const PreparedRay&);
+  using IntersectMeshFunction = bool (*)(const MeshView&, PreparedRay&, Hit&);
+  using OccludedMeshFunction = bool (*)(const MeshView&, const PreparedRay&);
+  static constexpr unsigned kBlobShift = 4;  ///< layout::kTableShift
 
-  explicit Mesh(std::vector<std::byte> bytes);
+  explicit Mesh(Bytes bytes);
   Mesh(std::span<const std::byte> bytes, std::shared_ptr<const void> owner);
   const std::byte* blob(std::uint32_t cluster) const {
-    return bytes_.data() + (std::size_t(table_[cluster]) << 2);
+    return bytes_.data() + (std::size_t(table_[cluster]) << kBlobShift);
   }
 
   std::span<const std::byte> bytes_;
-  std::shared_ptr<const void> owner_;      ///< of bytes_
-  const std::uint32_t* table_ = nullptr;   ///< inside bytes_
+  std::shared_ptr<const void> owner_;     ///< of bytes_
+  const std::uint32_t* table_ = nullptr;  ///< inside bytes_
+  TopLevel top_;
   IntersectFunction intersect_ = nullptr;  ///< chosen for this processor when the mesh is made
   OccludedFunction occluded_ = nullptr;
+  IntersectMeshFunction intersectMesh_ = nullptr;
+  OccludedMeshFunction occludedMesh_ = nullptr;
   const char* targetName_ = "";
 
  public:

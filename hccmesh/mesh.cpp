@@ -7,6 +7,7 @@
 
 #include "hccmesh/hccmesh.h"
 #include "hccmesh/layout.h"
+#include "hccmesh/leaf.h"
 #include "hccmesh/octahedral.h"
 #include "hccmesh/trace.h"
 #include "hccmesh/validate.h"
@@ -23,6 +24,14 @@ const layout::ClusterHeader& clusterOf(const std::byte* blob) {
 // 2^stepExponent; the format's limits keep it a normal float.
 float stepOf(std::span<const std::byte> bytes) {
   return std::bit_cast<float>((headerOf(bytes).stepExponent + 127) << 23);
+}
+GridBox boxOf(const layout::ClusterHeader& h) {
+  GridBox box;
+  for (int k = 0; k < 3; ++k) {
+    box.lower[k] = h.lower[k];
+    box.upper[k] = h.lower[k] + (std::int32_t(h.top[k]) << h.boxShift[k]);
+  }
+  return box;
 }
 template <typename T>
 T readAs(const std::byte* at) {
@@ -41,11 +50,18 @@ glm::vec2 readTexCoord(const std::byte* at, std::uint8_t flags, std::uint32_t ve
 
 std::uint64_t Sizes::total() const {
   return header + clusterTable + clusterHeaders + vertices + topology + nodes + normals +
-         texCoords + colors;
+         texCoords + colors + padding;
 }
 
-Mesh::Mesh(std::vector<std::byte> bytes) {
-  auto owner = std::make_shared<const std::vector<std::byte>>(std::move(bytes));
+Sizes& Sizes::operator+=(const Sizes& o) {
+  header += o.header, clusterTable += o.clusterTable, clusterHeaders += o.clusterHeaders;
+  vertices += o.vertices, topology += o.topology, nodes += o.nodes;
+  normals += o.normals, texCoords += o.texCoords, colors += o.colors, padding += o.padding;
+  return *this;
+}
+
+Mesh::Mesh(Bytes bytes) {
+  auto owner = std::make_shared<const Bytes>(std::move(bytes));
   const std::span<const std::byte> view = *owner;
   *this = Mesh(view, std::move(owner));
 }
@@ -56,12 +72,19 @@ Mesh::Mesh(std::span<const std::byte> bytes, std::shared_ptr<const void> owner)
   const Kernels kernels = chooseKernels();
   intersect_ = kernels.intersect;
   occluded_ = kernels.occluded;
+  intersectMesh_ = kernels.intersectMesh;
+  occludedMesh_ = kernels.occludedMesh;
   targetName_ = kernels.name;
+  std::vector<GridBox> boxes(clusterCount());
+  for (std::uint32_t i = 0; i < clusterCount(); ++i) boxes[i] = boxOf(clusterOf(blob(i)));
+  top_ = TopLevel(boxes);
 }
 
-Mesh Mesh::fromBytes(std::vector<std::byte> bytes) {
+Mesh Mesh::fromBytes(const std::vector<std::byte>& bytes) {
   validate(bytes);
-  return Mesh(std::move(bytes));
+  Bytes own(bytes.size());
+  std::memcpy(own.data(), bytes.data(), bytes.size());
+  return Mesh(std::move(own));
 }
 
 Mesh Mesh::fromView(std::span<const std::byte> bytes, std::shared_ptr<const void> owner) {
@@ -84,27 +107,27 @@ glm::dvec3 Mesh::gridOrigin() const {
 Sizes Mesh::sizes() const {
   Sizes s;
   s.header = sizeof(layout::Header) + layout::kTailBytes;
-  s.clusterTable = 4ull * clusterCount();
+  s.clusterTable = layout::firstBlob(clusterCount()) - sizeof(layout::Header);
   for (std::uint32_t i = 0; i < clusterCount(); ++i) {
     const layout::Offsets o = layout::offsetsOf(clusterOf(blob(i)));
     s.clusterHeaders += o.boxes;
-    s.nodes += o.topology - o.boxes;
-    s.topology += o.vertices - o.topology;
+    s.nodes += o.groupStarts - o.boxes;
+    s.topology += o.vertices - o.groupStarts;
     s.vertices += o.normals - o.vertices;
     s.normals += o.texCoords - o.normals;
     s.texCoords += o.colors - o.texCoords;
-    s.colors += o.end - o.colors;
+    s.colors += o.colorsEnd - o.colors;
+    s.padding += o.end - o.colorsEnd;
   }
   return s;
 }
 
 void Mesh::clusterBounds(std::uint32_t cluster, glm::vec3& lower, glm::vec3& upper) const {
-  const layout::ClusterHeader& h = clusterOf(blob(cluster));
+  const GridBox box = boxOf(clusterOf(blob(cluster)));
   const float step = stepOf(bytes_);
   for (int k = 0; k < 3; ++k) {
-    const std::int32_t end = h.anchor[k] + (std::int32_t(h.top[k]) << h.boxShift[k]);
-    lower[k] = static_cast<float>(h.anchor[k] - 2) * step;
-    upper[k] = static_cast<float>(end + 2) * step;
+    lower[k] = static_cast<float>(box.lower[k] - 2) * step;
+    upper[k] = static_cast<float>(box.upper[k] + 2) * step;
   }
 }
 
@@ -120,11 +143,23 @@ void Mesh::bounds(glm::vec3& lower, glm::vec3& upper) const {
 std::uint32_t Mesh::clusterTriangleCount(std::uint32_t cluster) const {
   return clusterOf(blob(cluster)).triangles();
 }
+std::uint32_t Mesh::clusterLeafCount(std::uint32_t cluster) const {
+  return clusterOf(blob(cluster)).leafCount;
+}
+std::uint32_t Mesh::leafTriangleCount(std::uint32_t cluster, std::uint32_t leaf) const {
+  const std::byte* b = blob(cluster);
+  return readLeaf(b + layout::recordOffset(b, clusterOf(b), leaf)).triangles;
+}
 std::uint32_t Mesh::clusterMaterial(std::uint32_t cluster) const {
   return clusterOf(blob(cluster)).material;
 }
 std::uint32_t Mesh::clusterObject(std::uint32_t cluster) const {
   return clusterOf(blob(cluster)).object;
+}
+
+std::span<const std::byte> Mesh::clusterBytes(std::uint32_t cluster) const {
+  const std::byte* b = blob(cluster);
+  return {b, layout::offsetsOf(clusterOf(b)).end};
 }
 
 Triangle Mesh::triangle(std::uint32_t cluster, std::uint32_t index) const {
@@ -138,16 +173,12 @@ Triangle Mesh::triangle(std::uint32_t cluster, std::uint32_t index) const {
   out.hasNormals = (h.flags & layout::kNormals) != 0;
   out.hasTexCoords = (h.flags & layout::kTexCoords) != 0;
   out.hasColors = (h.flags & layout::kColors) != 0;
+  const LeafTopology leaf = readLeaf(b + layout::recordOffset(b, h, index / layout::kLeafSize));
   for (std::uint32_t corner = 0; corner < 3; ++corner) {
-    const std::uint32_t vertex =
-        layout::readBits(b + o.topology, (3u * index + corner) * h.indexBits, h.indexBits);
-    std::uint32_t bit = vertex * h.vertexBits();
-    for (int k = 0; k < 3; ++k) {
-      const auto offset =
-          static_cast<std::int32_t>(layout::readBits(b + o.vertices, bit, h.width[k]));
-      out.position[corner][k] = static_cast<float>(h.anchor[k] + offset) * step;
-      bit += h.width[k];
-    }
+    const std::uint32_t vertex = leaf.vertex[leaf.corner[corner][index % layout::kLeafSize]];
+    std::int32_t grid[3];
+    layout::readVertex(b + o.vertices, h, vertex, grid);
+    for (int k = 0; k < 3; ++k) out.position[corner][k] = static_cast<float>(grid[k]) * step;
     if (out.hasNormals)
       out.normal[corner] = decodeOctahedral(readAs<std::uint32_t>(b + o.normals + 4u * vertex));
     if (out.hasTexCoords) out.texCoord[corner] = readTexCoord(b + o.texCoords, h.flags, vertex);
@@ -158,6 +189,34 @@ Triangle Mesh::triangle(std::uint32_t cluster, std::uint32_t index) const {
   }
   return out;
 }
+
+bool Mesh::intersect(PreparedRay& ray, Hit& hit) const {
+  return !top_.nodes().empty() &&
+         intersectMesh_({top_.nodes().data(), bytes_.data(), table_}, ray, hit);
+}
+bool Mesh::occluded(const PreparedRay& ray) const {
+  return !top_.nodes().empty() && occludedMesh_({top_.nodes().data(), bytes_.data(), table_}, ray);
+}
+
+namespace {
+
+constexpr float kFar = 0x1p26f, kNear = 0x1p25f;  // cells; the mesh ends at 2^23
+
+// Moves a far origin forward along the ray.
+void approach(const Ray& ray, PreparedRay& p) {
+  const glm::dvec3 d(ray.direction);
+  glm::dvec3 origin = glm::dvec3(ray.origin) * double(p.cells);
+  p.shift = -glm::dot(origin, d) / glm::dot(d, d) - double(kNear) / glm::length(d);
+  if (std::isfinite(p.shift))
+    origin += p.shift * d;
+  else
+    p.shift = 0.0;
+  for (int k = 0; k < 3; ++k) p.origin[k] = static_cast<float>(origin[k]);
+  p.tnear = static_cast<float>(double(ray.tnear) * double(p.cells) - p.shift);
+  Mesh::setFar(p, ray.tfar);
+}
+
+}  // namespace
 
 PreparedRay Mesh::prepare(const Ray& ray) const {
   PreparedRay p;
@@ -172,30 +231,27 @@ PreparedRay Mesh::prepare(const Ray& ray) const {
   p.shear[0] = ray.direction[kx] / ray.direction[kz];
   p.shear[1] = ray.direction[ky] / ray.direction[kz];
   p.shear[2] = 1.0f / ray.direction[kz];
-  const glm::dvec3 d(ray.direction);
-  glm::dvec3 origin = glm::dvec3(ray.origin) * double(p.cells);
-  p.shift = 0.0;
-  constexpr double kFar = 0x1p26, kNear = 0x1p25;  // cells; the mesh ends at 2^23
-  if (std::max({std::abs(origin.x), std::abs(origin.y), std::abs(origin.z)}) > kFar) {
-    p.shift = -glm::dot(origin, d) / glm::dot(d, d) - kNear / glm::length(d);
-    if (std::isfinite(p.shift))
-      origin += p.shift * d;
-    else
-      p.shift = 0.0;
-  }
   // A component this much smaller than the largest moves the ray by less than a cell.
   const float least = largest * 0x1p-60f;
   for (int k = 0; k < 3; ++k) {
-    p.origin[k] = static_cast<float>(origin[k]);
     p.inverse[k] =
         1.0f / (size[k] >= least ? ray.direction[k] : std::copysign(least, ray.direction[k]));
+    p.nearPlane[k] = 2u * static_cast<std::uint32_t>(k) + (p.inverse[k] < 0.0f ? 1u : 0u);
   }
-  p.tnear = static_cast<float>(double(ray.tnear) * double(p.cells) - p.shift);
-  setFar(p, ray.tfar);
+  p.inverse[3] = p.origin[3] = 0.0f;
+  p.shift = 0.0;
+  const glm::vec3 origin = ray.origin * p.cells;  // exact: a power of two
+  if (std::max({std::abs(origin.x), std::abs(origin.y), std::abs(origin.z)}) <= kFar) {
+    for (int k = 0; k < 3; ++k) p.origin[k] = origin[k];
+    p.tnear = ray.tnear * p.cells;
+    p.tfar = ray.tfar * p.cells;
+  } else {
+    approach(ray, p);
+  }
   if (!(largest >= 0x1p-60f) || !std::isfinite(size.x + size.y + size.z)) {
     p.tnear = std::numeric_limits<float>::infinity();  // an empty interval
     p.tfar = -p.tnear;
-    for (int k = 0; k < 3; ++k) p.shear[k] = p.inverse[k] = 1.0f;
+    for (int k = 0; k < 3; ++k) p.shear[k] = p.inverse[k] = 1.0f, p.nearPlane[k] = 2u * unsigned(k);
   }
   return p;
 }

@@ -185,9 +185,10 @@ std::size_t partitionByBins(std::span<Reference> references) {
 // Beyond this depth the input is hostile to bins and is cut in the middle.
 constexpr int kMaxBinDepth = 48;
 
-void splitTop(std::span<Reference> all, Range range, int depth, std::vector<Range>& out) {
+void splitTop(std::span<Reference> all, Range range, std::size_t pieceSize, int depth,
+              std::vector<Range>& out) {
   const std::size_t count = range.end - range.begin;
-  if (count <= kPieceSize) {
+  if (count <= pieceSize) {
     if (count > 0) out.push_back(range);
     return;
   }
@@ -195,17 +196,17 @@ void splitTop(std::span<Reference> all, Range range, int depth, std::vector<Rang
       range.begin +
       (depth < kMaxBinDepth ? partitionByBins(all.subspan(range.begin, count)) : count / 2);
   if (count < kParallel) {
-    splitTop(all, {range.begin, middle}, depth + 1, out);
-    splitTop(all, {middle, range.end}, depth + 1, out);
+    splitTop(all, {range.begin, middle}, pieceSize, depth + 1, out);
+    splitTop(all, {middle, range.end}, pieceSize, depth + 1, out);
     return;
   }
   std::vector<Range> right;
   tbb::parallel_invoke(
       [&] {
-        splitTop(all, {range.begin, middle}, depth + 1, out);
+        splitTop(all, {range.begin, middle}, pieceSize, depth + 1, out);
       },
       [&] {
-        splitTop(all, {middle, range.end}, depth + 1, right);
+        splitTop(all, {middle, range.end}, pieceSize, depth + 1, right);
       });
   out.insert(out.end(), right.begin(), right.end());
 }
@@ -216,14 +217,18 @@ float ceilTo(std::size_t count, std::size_t unit) {
 
 }  // namespace
 
-std::vector<Range> splitIntoPieces(std::span<Reference> references) {
+std::vector<Range> splitIntoPieces(std::span<Reference> references, std::size_t pieceSize) {
   std::vector<Range> pieces;
-  splitTop(references, {0, references.size()}, 0, pieces);
+  splitTop(references, {0, references.size()}, pieceSize, 0, pieces);
   return pieces;
 }
 
-PieceSplitter::PieceSplitter(std::span<const Reference> piece)
-    : piece_(piece), scratch_(piece.size()), areas_(piece.size()), side_(piece.size()) {
+PieceSplitter::PieceSplitter(std::span<const Reference> piece, const SplitLimits& limits)
+    : piece_(piece),
+      limits_(limits),
+      scratch_(piece.size()),
+      areas_(piece.size()),
+      side_(piece.size()) {
   std::vector<std::uint64_t> keys(piece.size());
   for (int axis = 0; axis < 3; ++axis) {
     for (std::size_t i = 0; i < piece.size(); ++i) {
@@ -285,14 +290,15 @@ void PieceSplitter::partition(const Range& range, const Split& split) {
 
 bool PieceSplitter::nextCluster(Range& cluster) {
   if (pending_.empty()) return false;
-  while (pending_.back().end - pending_.back().begin > layout::kMaxTriangles) {
+  while (pending_.back().end - pending_.back().begin > limits_.triangles) {
     const Range range = pending_.back();
     pending_.pop_back();
     // Full clusters take least memory, small surfaces least time.
+    const std::size_t full = limits_.triangles;
     const Split split =
-        bestSplit(range, layout::kLeafSize, [](float a, std::size_t m, float b, std::size_t n) {
-          const auto weight = [](std::size_t c) {
-            return static_cast<float>(c) + ceilTo(c, layout::kMaxTriangles);
+        bestSplit(range, layout::kLeafSize, [full](float a, std::size_t m, float b, std::size_t n) {
+          const auto weight = [full](std::size_t c) {
+            return static_cast<float>(c) + ceilTo(c, full);
           };
           return a * weight(m) + b * weight(n);
         });
@@ -312,27 +318,27 @@ void PieceSplitter::refuse(const Range& cluster) {
   pending_.push_back({cluster.begin, cluster.begin + split.position});
 }
 
-std::vector<std::uint8_t> PieceSplitter::splitIntoLeaves(const Range& cluster) {
+std::vector<std::uint16_t> PieceSplitter::splitIntoLeaves(const Range& cluster, const Fits& fits) {
   // A few leaves more than needed let large triangles lie alone.
   const std::size_t needed =
       (cluster.end - cluster.begin + layout::kLeafSize - 1) / layout::kLeafSize;
   const std::size_t budget =
-      std::min<std::size_t>((needed + needed / 4 + 7) / 8 * 8, layout::kMaxLeaves);
-  std::vector<std::uint8_t> starts;
-  splitLeaves(cluster, budget, cluster.begin, starts);
+      std::min(needed + (needed + limits_.spareLeaves / 2) / limits_.spareLeaves, limits_.leaves);
+  std::vector<std::uint16_t> starts;
+  splitLeaves(cluster, budget, cluster.begin, fits, starts);
   return starts;
 }
 
 void PieceSplitter::splitLeaves(const Range& range, std::size_t budget, std::size_t base,
-                                std::vector<std::uint8_t>& starts) {
+                                const Fits& fits, std::vector<std::uint16_t>& starts) {
   const std::size_t count = range.end - range.begin;
-  if (count <= layout::kLeafSize) {
-    starts.push_back(static_cast<std::uint8_t>(range.begin - base));
+  if (count <= layout::kLeafSize && fits(triangles(range))) {
+    starts.push_back(static_cast<std::uint16_t>(range.begin - base));
     return;
   }
   const auto leaves = [](std::size_t n) { return (n + layout::kLeafSize - 1) / layout::kLeafSize; };
   const Split split = bestSplit(range, 1, [&](float a, std::size_t m, float b, std::size_t n) {
-    if (leaves(m) + leaves(n) > budget) return kInf;
+    if (leaves(m) + leaves(n) > std::max<std::size_t>(budget, 2)) return kInf;
     return a * ceilTo(m, layout::kLeafSize) + b * ceilTo(n, layout::kLeafSize);
   });
   partition(range, split);
@@ -340,8 +346,8 @@ void PieceSplitter::splitLeaves(const Range& range, std::size_t budget, std::siz
   const std::size_t spare = budget > left + right ? budget - left - right : 0;
   const std::size_t forLeft = left + spare * left / (left + right);
   const std::size_t middle = range.begin + split.position;
-  splitLeaves({range.begin, middle}, forLeft, base, starts);
-  splitLeaves({middle, range.end}, budget - forLeft, base, starts);
+  splitLeaves({range.begin, middle}, forLeft, base, fits, starts);
+  splitLeaves({middle, range.end}, std::max(budget, forLeft) - forLeft, base, fits, starts);
 }
 
 }  // namespace hccm

@@ -3,12 +3,13 @@
 // exactly rounded operations decide a hit (no fused multiply-add, no approximate reciprocal).
 #include "hccmesh/trace.h"
 
-#include <array>
+#include <algorithm>
 #include <bit>
 #include <cstring>
 #include <limits>
 
 #include "hccmesh/layout.h"
+#include "hccmesh/leaf.h"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "hccmesh/trace.cpp"
@@ -17,36 +18,11 @@
 
 #ifndef HCCM_TRACE_ONCE
 #define HCCM_TRACE_ONCE
+#if HWY_ARCH_X86_64
+#include <immintrin.h>
+#endif
 namespace hccm {
-
-// How 8 index triples of 3*b bits, the first at bit `s` of a byte, lie in bytes: for each block of
-// 4 lanes where its 16 bytes are loaded from, which bytes make a lane, and the shift within it.
-struct alignas(32) TripleDecode {
-  std::uint8_t bytes[32];
-  std::uint32_t shift[8];
-  std::uint32_t blockByte[2];
-};
-
-constexpr std::array<TripleDecode, 9 * 8> makeTripleDecode() {
-  std::array<TripleDecode, 9 * 8> table{};
-  for (std::uint32_t bits = 0; bits <= 8; ++bits)
-    for (std::uint32_t start = 0; start < 8; ++start) {
-      TripleDecode& d = table[bits * 8 + start];
-      for (std::uint32_t lane = 0; lane < 8; ++lane) {
-        const std::uint32_t block = lane / 4, first = start + block * 4 * 3 * bits;
-        const std::uint32_t position = start + lane * 3 * bits;
-        d.blockByte[block] = first / 8;
-        d.shift[lane] = position % 8;
-        for (std::uint32_t k = 0; k < 4; ++k)
-          d.bytes[lane * 4 + k] = static_cast<std::uint8_t>(position / 8 - first / 8 + k);
-      }
-    }
-  return table;
-}
-inline constexpr std::array<TripleDecode, 9 * 8> kTripleDecode = makeTripleDecode();
-
 inline constexpr float kTolerance = 0x1p-19f;  // of t; see the boxes below
-
 }  // namespace hccm
 #endif
 
@@ -67,9 +43,9 @@ static_assert(kLanes == 4 || kLanes == 8);
 
 // What all leaves of a cluster share; axes in the ray's order kx, ky, kz.
 struct Cluster {
-  const std::uint8_t* topology;
   const std::uint8_t* vertices;
-  std::uint32_t triangles, indexBits, vertexBits, widthXy;
+  std::uint32_t vertexBits, widthXy;
+  bool isWide;  // x and y fit in one word of 64 bits at any bit of a byte, z in the next
   std::uint32_t shift[3], mask[3];
   std::int32_t anchor[3];
 };
@@ -77,18 +53,16 @@ struct Cluster {
 HWY_INLINE Cluster openCluster(const std::uint8_t* blob, const layout::ClusterHeader& h,
                                const PreparedRay& ray) {
   Cluster c;
-  c.topology = blob + h.topologyOffset;
   c.vertices = blob + h.vertexOffset;
-  c.triangles = h.triangles();
-  c.indexBits = h.indexBits;
   const std::uint32_t shifts[3] = {0u, h.width[0], std::uint32_t(h.width[0]) + h.width[1]};
   c.vertexBits = h.vertexBits();
   c.widthXy = shifts[2];
+  c.isWide = c.vertexBits > 57;
   for (int i = 0; i < 3; ++i) {
     const int k = ray.axis[i];
     c.shift[i] = shifts[k];
     c.mask[i] = (1u << h.width[k]) - 1u;
-    c.anchor[i] = h.anchor[k];
+    c.anchor[i] = h.lower[k];
   }
   return c;
 }
@@ -99,46 +73,17 @@ using DQ = hn::Rebind<std::uint64_t, DU>;
 struct Words {
   hn::Vec<DQ> all;
 };
-HWY_INLINE Words fetchWords(const std::uint8_t* base, VU bit) {
-  const DU du;
-  const DQ dq;
-  const hn::RebindToSigned<DQ> ds;
-  const auto byte = hn::BitCast(ds, hn::PromoteTo(dq, hn::ShiftRight<3>(bit)));
-  const auto word = hn::GatherOffset(dq, reinterpret_cast<const std::uint64_t*>(base), byte);
-  return {hn::Shr(word, hn::PromoteTo(dq, hn::And(bit, hn::Set(du, 7u))))};
-}
+HWY_INLINE Words loadWords(const std::uint64_t* at) { return {hn::Load(DQ(), at)}; }
 HWY_INLINE VU lowHalves(const Words& w, std::uint32_t shift) {
   return hn::TruncateTo(DU(), hn::ShiftRightSame(w.all, static_cast<int>(shift)));
 }
 #else
-using DUHalf = hn::Half<DU>;
-using DQ = hn::Rebind<std::uint64_t, DUHalf>;
+using DQ = hn::Repartition<std::uint64_t, DU>;
 struct Words {
   hn::Vec<DQ> low, high;
 };
-// Byte offsets need not be aligned.
-HWY_INLINE hn::Vec<DQ> gather64(const std::uint8_t* base, hn::Vec<DQ> offset) {
-  const DQ dq;
-#if HWY_TARGET <= HWY_AVX2
-  const hn::RebindToSigned<DQ> ds;
-  return hn::GatherOffset(dq, reinterpret_cast<const std::uint64_t*>(base),
-                          hn::BitCast(ds, offset));
-#else
-  alignas(32) std::uint64_t lanes[hn::MaxLanes(DQ())];
-  hn::Store(offset, dq, lanes);
-  for (std::uint64_t& lane : lanes) std::memcpy(&lane, base + lane, sizeof(lane));
-  return hn::Load(dq, lanes);
-#endif
-}
-HWY_INLINE Words fetchWords(const std::uint8_t* base, VU bit) {
-  const DU du;
-  const DUHalf dh;
-  const DQ dq;
-  const VU byte = hn::ShiftRight<3>(bit), shift = hn::And(bit, hn::Set(du, 7u));
-  const auto low = gather64(base, hn::PromoteTo(dq, hn::LowerHalf(dh, byte)));
-  const auto high = gather64(base, hn::PromoteTo(dq, hn::UpperHalf(dh, byte)));
-  return {hn::Shr(low, hn::PromoteTo(dq, hn::LowerHalf(dh, shift))),
-          hn::Shr(high, hn::PromoteTo(dq, hn::UpperHalf(dh, shift)))};
+HWY_INLINE Words loadWords(const std::uint64_t* at) {
+  return {hn::Load(DQ(), at), hn::Load(DQ(), at + hn::MaxLanes(DQ()))};
 }
 HWY_INLINE VU lowHalves(const Words& w, std::uint32_t shift) {
   const DU du;
@@ -148,28 +93,28 @@ HWY_INLINE VU lowHalves(const Words& w, std::uint32_t shift) {
 }
 #endif
 
+HWY_INLINE std::uint64_t load64(const std::uint8_t* at) {
+  std::uint64_t word;
+  std::memcpy(&word, at, sizeof(word));
+  return word;
+}
+
 struct Vertex {
   VF x, y, z;  // sheared to the ray's frame; z along the ray in units of its direction, cells
 };
 
 // One rounding of exact integers and the ray's own origin, then operations on these alone: equal
 // vertices of two clusters give equal bits.
-HWY_INLINE Vertex decodeVertex(const Cluster& c, const PreparedRay& ray, VU index) {
+HWY_INLINE Vertex decodeVertex(const Cluster& c, const PreparedRay& ray, const Words& words,
+                               const Words& zWords) {
   const DF df;
   const DI di;
   const DU du;
-  const VU bit = hn::Mul(index, hn::Set(du, c.vertexBits));
   VU offset[3];
-  if (HWY_LIKELY(c.vertexBits <= 57)) {
-    const Words words = fetchWords(c.vertices, bit);
-    for (int i = 0; i < 3; ++i) offset[i] = lowHalves(words, c.shift[i]);
-  } else {
-    // x and y fit in one word, z in the next.
-    const Words xy = fetchWords(c.vertices, bit);
-    const Words z = fetchWords(c.vertices, hn::Add(bit, hn::Set(du, c.widthXy)));
+  for (int i = 0; i < 3; ++i) offset[i] = lowHalves(words, c.shift[i]);
+  if (HWY_UNLIKELY(c.isWide))
     for (int i = 0; i < 3; ++i)
-      offset[i] = ray.axis[i] == 2 ? lowHalves(z, 0) : lowHalves(xy, c.shift[i]);
-  }
+      if (ray.axis[i] == 2) offset[i] = lowHalves(zWords, 0);
   VF p[3];
   for (int i = 0; i < 3; ++i) {
     const VU masked = hn::And(offset[i], hn::Set(du, c.mask[i]));
@@ -183,24 +128,141 @@ HWY_INLINE Vertex decodeVertex(const Cluster& c, const PreparedRay& ray, VU inde
   return v;
 }
 
-// Index triples of kLanes triangles from `first`, packed as stored in the low bits of each lane;
-// zero for lanes from `count` on.
-HWY_INLINE VU decodeTriples(const Cluster& c, std::uint32_t first, std::size_t count) {
-  const DU du;
-  const hn::Repartition<std::uint8_t, DU> db;
-  const std::uint32_t position = first * 3u * c.indexBits;
-  const std::uint8_t* at = c.topology + position / 8u;
-  const TripleDecode& table = kTripleDecode[c.indexBits * 8u + position % 8u];
-#if HWY_TARGET <= HWY_AVX2
-  const hn::Half<decltype(db)> dhalf;
-  const auto raw = hn::Combine(db, hn::LoadU(dhalf, at + table.blockByte[1]), hn::LoadU(dhalf, at));
-#else
-  const auto raw = hn::LoadU(db, at);
-#endif
-  const VU words = hn::BitCast(du, hn::TableLookupBytes(raw, hn::Load(db, table.bytes)));
-  const VU shifted = hn::Shr(words, hn::Load(du, table.shift));
-  return hn::IfThenElseZero(hn::FirstN(du, count), shifted);
+// A leaf's record, as bytes and nibbles in words.
+struct LeafCode {
+  std::uint64_t vertex[2];  // of the cluster, a byte for each local number; 0 where there is none
+  std::uint32_t corner[3];  // local numbers, a nibble for each triangle
+  std::uint32_t locals, triangles;
+};
+
+#if HWY_TARGET <= HWY_AVX2 && HWY_ARCH_X86_64
+// readLeaf() without loops: bits are spread over nibbles or bytes, which select what goes there.
+HWY_INLINE LeafCode decodeLeaf(const std::uint8_t* record) {
+  constexpr std::uint64_t kNibbles = 0x1111111111111111ull, kBytes = 0x0101010101010101ull;
+  const std::uint64_t head = load64(record);
+  const auto more = static_cast<std::uint32_t>(head >> 8) & 15u;
+  const std::uint64_t starts = 1u | _bzhi_u64(head >> 12, more) << 1;
+  const std::uint64_t next = 7u | _bzhi_u64(head >> (12 + more), more) << 3;
+  LeafCode c;
+  c.locals = static_cast<std::uint32_t>(std::popcount(next));
+  c.triangles = static_cast<std::uint32_t>(std::popcount(starts));
+  const std::uint64_t fresh = _bzhi_u64(head >> (12 + 2 * more), c.locals);
+  const std::uint32_t oldBit = 12 + 2 * more + c.locals;
+  const std::uint64_t old = load64(record + oldBit / 8) >> (oldBit & 7u);
+  const std::uint8_t* refs = record + (oldBit + 4 * (3 + more - c.locals) + 7) / 8;
+
+  const std::uint64_t nextMask = _pdep_u64(next, kNibbles) * 15;
+  const std::uint64_t entries =
+      _pdep_u64(0xfedcba9876543210ull, nextMask) | _pdep_u64(old, ~nextMask);
+  const std::uint64_t startMask = _pdep_u64(starts, kNibbles) * 15;
+  const auto nibbles = [&](std::uint64_t from) {
+    return static_cast<std::uint32_t>(_pext_u64(from, startMask));
+  };
+  const std::uint32_t first = nibbles(entries), second = nibbles(entries >> 4);
+  const std::uint32_t swap =
+      (first ^ second) & nibbles(0xf0f0f0f0f0f0f0f0ull);  // odd starts turn the other way
+  c.corner[0] = first ^ swap;
+  c.corner[1] = second ^ swap;
+  c.corner[2] = nibbles(entries >> 8);
+
+  const std::uint64_t firstFresh = (head & 255u) * kBytes;
+  const std::uint64_t low = _pdep_u64(fresh, kBytes) * 255;
+  c.vertex[0] =
+      (_pdep_u64(0x0706050403020100ull, low) + (low & firstFresh)) | _pdep_u64(load64(refs), ~low);
+  c.vertex[0] = _bzhi_u64(c.vertex[0], 8 * c.locals);
+  c.vertex[1] = 0;
+  if (c.locals > 8) {
+    const auto count = static_cast<std::uint32_t>(std::popcount(fresh & 255u));
+    const std::uint64_t high = _pdep_u64(fresh >> 8, kBytes) * 255;
+    c.vertex[1] =
+        (_pdep_u64(0x0706050403020100ull, high) + (high & (firstFresh + count * kBytes))) |
+        _pdep_u64(load64(refs + 8 - count), ~high);
+    c.vertex[1] = _bzhi_u64(c.vertex[1], 8 * (c.locals - 8));
+  }
+  return c;
 }
+#else
+HWY_INLINE LeafCode decodeLeaf(const std::uint8_t* record) {
+  const LeafTopology leaf = readLeaf(reinterpret_cast<const std::byte*>(record));
+  LeafCode c;
+  std::memcpy(c.vertex, leaf.vertex, sizeof(c.vertex));
+  c.locals = leaf.locals;
+  c.triangles = leaf.triangles;
+  for (int k = 0; k < 3; ++k) {
+    c.corner[k] = 0;
+    for (std::uint32_t lane = 0; lane < 8; ++lane)
+      c.corner[k] |= std::uint32_t(leaf.corner[k][lane]) << (4 * lane);
+  }
+  return c;
+}
+#endif
+
+// The vertices of a leaf in the ray's frame, by local number.
+class LocalVertices {
+ public:
+  HWY_INLINE LocalVertices(const Cluster& c, const LeafCode& leaf, const PreparedRay& ray) {
+    alignas(64) std::uint64_t words[layout::kMaxEntries] = {}, zWords[layout::kMaxEntries];
+    fetch(c, leaf, 0, words);
+    if (HWY_UNLIKELY(c.isWide)) {
+      std::fill_n(zWords, layout::kMaxEntries, 0u);
+      fetch(c, leaf, c.widthXy, zWords);
+    }
+    for (std::size_t i = 0; i < kMost && i * kLanes < leaf.locals; ++i) {
+      const Words w = loadWords(words + i * kLanes);
+      set(i, decodeVertex(c, ray, w, c.isWide ? loadWords(zWords + i * kLanes) : w));
+    }
+    wide_ = leaf.locals > kLanes;
+  }
+  // Those of kLanes triangles from `first`, from nibbles of local numbers.
+  HWY_INLINE Vertex corners(std::uint32_t nibbles, std::uint32_t first) const {
+    const DU du;
+    const VU shift = hn::ShiftLeft<2>(hn::Iota(du, first));
+    const VU number = hn::And(hn::Shr(hn::Set(du, nibbles), shift), hn::Set(du, 15u));
+    return {at(x_, number), at(y_, number), at(z_, number)};
+  }
+
+ private:
+  static constexpr std::size_t kMost = layout::kMaxEntries / kLanes;
+  // For each local number the stream's bits from `skip` bits behind the start of its vertex. (One
+  // load each: gathers are no faster.)
+  HWY_INLINE static void fetch(const Cluster& c, const LeafCode& leaf, std::uint32_t skip,
+                               std::uint64_t* words) {
+    for (std::uint32_t half = 0; half < 2; ++half) {
+      std::uint64_t numbers = leaf.vertex[half];
+      const std::uint32_t end = leaf.locals < 8 * half + 8 ? leaf.locals : 8 * half + 8;
+      for (std::uint32_t i = 8 * half; i < end; ++i, numbers >>= 8) {
+        const std::uint32_t bit = static_cast<std::uint32_t>(numbers & 255u) * c.vertexBits + skip;
+        words[i] = load64(c.vertices + bit / 8) >> (bit & 7u);
+      }
+    }
+  }
+#if HWY_TARGET <= HWY_AVX2
+  HWY_INLINE void set(std::size_t i, const Vertex& v) { x_[i] = v.x, y_[i] = v.y, z_[i] = v.z; }
+  HWY_INLINE VF at(const VF* table, VU number) const {
+    const DF df;
+    const DU du;
+    const auto lane = hn::IndicesFromVec(df, hn::And(number, hn::Set(du, 7u)));
+    const VF low = hn::TableLookupLanes(table[0], lane);
+    if (!wide_) return low;
+    const VF high = hn::TableLookupLanes(table[1], lane);
+    return hn::IfNegativeThenElse(hn::BitCast(df, hn::ShiftLeft<28>(number)), high, low);
+  }
+  VF x_[kMost], y_[kMost], z_[kMost];
+#else
+  HWY_INLINE void set(std::size_t i, const Vertex& v) {
+    const DF df;
+    hn::Store(v.x, df, x_ + i * kLanes);
+    hn::Store(v.y, df, y_ + i * kLanes);
+    hn::Store(v.z, df, z_ + i * kLanes);
+  }
+  HWY_INLINE VF at(const float* table, VU number) const {
+    return hn::GatherIndex(DF(), table, hn::BitCast(DI(), number));
+  }
+  alignas(32) float x_[layout::kMaxEntries] = {}, y_[layout::kMaxEntries] = {},
+                    z_[layout::kMaxEntries] = {};
+#endif
+  bool wide_;
+};
 
 struct Edges {
   VF u, v, w;
@@ -245,20 +307,13 @@ HWY_INLINE bool takeNearest(std::uint32_t bits, VF t, VF u, VF v, std::uint32_t 
   return found;
 }
 
-// Watertight test [Woop et al. 2013] of up to kLanes triangles from `first`. No multiply-add: an
-// edge must give the exact negative when its ends are exchanged.
+// Watertight test [Woop et al. 2013] of up to kLanes triangles; `firstNumber` is that of the first.
+// No multiply-add: an edge must give the exact negative when its ends are exchanged.
 template <bool kAny>
-HWY_INLINE bool testTriangles(const Cluster& c, std::uint32_t first, std::size_t count,
-                              std::uint32_t cluster, PreparedRay& ray, Hit& hit) {
+HWY_INLINE bool testTriangles(const Vertex& a, const Vertex& b, const Vertex& d, std::size_t count,
+                              std::uint32_t firstNumber, std::uint32_t cluster, PreparedRay& ray,
+                              Hit& hit) {
   const DF df;
-  const DU du;
-  const VU triples = decodeTriples(c, first, count);
-  const VU indexMask = hn::Set(du, (1u << c.indexBits) - 1u);
-  const int bits = static_cast<int>(c.indexBits);
-  const Vertex a = decodeVertex(c, ray, hn::And(triples, indexMask));
-  const Vertex b = decodeVertex(c, ray, hn::And(hn::ShiftRightSame(triples, bits), indexMask));
-  const Vertex d = decodeVertex(c, ray, hn::And(hn::ShiftRightSame(triples, 2 * bits), indexMask));
-
   Edges e = {hn::Sub(hn::Mul(d.x, b.y), hn::Mul(d.y, b.x)),
              hn::Sub(hn::Mul(a.x, d.y), hn::Mul(a.y, d.x)),
              hn::Sub(hn::Mul(b.x, a.y), hn::Mul(b.y, a.x))};
@@ -288,15 +343,20 @@ HWY_INLINE bool testTriangles(const Cluster& c, std::uint32_t first, std::size_t
   if constexpr (kAny) return true;
   std::uint8_t lanes[8] = {};
   hn::StoreMaskBits(df, accept, lanes);
-  return takeNearest(lanes[0], t, v, w, first, cluster, ray, hit);
+  return takeNearest(lanes[0], t, v, w, firstNumber, cluster, ray, hit);
 }
 
 template <bool kAny>
-HWY_INLINE bool testLeaf(const Cluster& c, std::uint32_t first, std::uint32_t count,
+HWY_INLINE bool testLeaf(const Cluster& c, const std::uint8_t* record, std::uint32_t leaf,
                          std::uint32_t cluster, PreparedRay& ray, Hit& hit) {
-  bool found = testTriangles<kAny>(c, first, count < kLanes ? count : kLanes, cluster, ray, hit);
-  if (kLanes < layout::kLeafSize && count > kLanes && !(kAny && found))
-    found |= testTriangles<kAny>(c, first + kLanes, count - kLanes, cluster, ray, hit);
+  const LeafCode code = decodeLeaf(record);
+  const LocalVertices vertices(c, code, ray);
+  bool found = false;
+  for (std::uint32_t first = 0; first < code.triangles && !(kAny && found); first += kLanes)
+    found |= testTriangles<kAny>(vertices.corners(code.corner[0], first),
+                                 vertices.corners(code.corner[1], first),
+                                 vertices.corners(code.corner[2], first), code.triangles - first,
+                                 layout::kLeafSize * leaf + first, cluster, ray, hit);
   return found;
 }
 
@@ -305,25 +365,35 @@ HWY_INLINE bool testLeaf(const Cluster& c, std::uint32_t first, std::uint32_t co
 // of the cluster's for that of these planes, and intervals by kTolerance of t for that of both
 // tests, which grows with the distance: 7 roundings of 2^-24 on each side.
 struct BoxFrame {
-  float scale[3], nearOffset[3], farOffset[3];
+  alignas(16) float scale[4];
+  alignas(16) float nearOffset[4];
+  alignas(16) float farOffset[4];
   const std::uint8_t* nearPlanes[3];
   const std::uint8_t* farPlanes[3];
 };
 
-HWY_INLINE BoxFrame openBoxes(const std::uint8_t* boxes, const layout::ClusterHeader& h,
+// `planes` has lower and upper ones of each axis in turn, `stride` bytes each. Reads a fourth of
+// `lower` and `shift`, which is of no meaning.
+HWY_INLINE BoxFrame openBoxes(const std::uint8_t* planes, std::uint32_t stride,
+                              const std::int32_t* lower, const std::uint8_t* shift,
                               const PreparedRay& ray) {
+  const hn::FixedTag<float, 4> d;
+  const hn::RebindToSigned<decltype(d)> di;
+  const hn::Rebind<std::uint8_t, decltype(d)> db;
+  const auto exponent = hn::Add(hn::PromoteTo(di, hn::LoadU(db, shift)), hn::Set(di, 127));
+  const auto cell = hn::BitCast(d, hn::ShiftLeft<23>(exponent));
+  const auto inverse = hn::Load(d, ray.inverse);
+  const auto base = hn::Sub(hn::ConvertTo(d, hn::LoadU(di, lower)), hn::Load(d, ray.origin));
+  const auto middle = hn::Mul(base, inverse);
+  const auto widen =
+      hn::Mul(hn::Add(hn::Set(d, 1.0f), hn::Mul(cell, hn::Set(d, 0x1p-12f))), hn::Abs(inverse));
   BoxFrame f;
+  hn::Store(hn::Mul(cell, inverse), d, f.scale);
+  hn::Store(hn::Sub(middle, widen), d, f.nearOffset);
+  hn::Store(hn::Add(middle, widen), d, f.farOffset);
   for (int k = 0; k < 3; ++k) {
-    const float cell = static_cast<float>(1u << h.boxShift[k]);
-    const float widen = 1.0f + cell * 0x1p-12f;
-    const float base = static_cast<float>(h.anchor[k]) - ray.origin[k];
-    const float inverse = ray.inverse[k];
-    const bool negative = inverse < 0.0f;
-    f.scale[k] = cell * inverse;
-    f.nearOffset[k] = (negative ? base + widen : base - widen) * inverse;
-    f.farOffset[k] = (negative ? base - widen : base + widen) * inverse;
-    f.nearPlanes[k] = boxes + 16 * k + (negative ? 8 : 0);
-    f.farPlanes[k] = boxes + 16 * k + (negative ? 0 : 8);
+    f.nearPlanes[k] = planes + ray.nearPlane[k] * stride;
+    f.farPlanes[k] = planes + (ray.nearPlane[k] ^ 1u) * stride;
   }
   return f;
 }
@@ -360,37 +430,90 @@ HWY_INLINE bool testCluster(const std::byte* bytes, PreparedRay& ray, std::uint3
                             Hit& hit) {
   const std::uint8_t* blob = reinterpret_cast<const std::uint8_t*>(bytes);
   const layout::ClusterHeader& h = *reinterpret_cast<const layout::ClusterHeader*>(blob);
+  if (ray.hidden != nullptr && ray.hidden[h.object] != 0) return false;
+  const std::uint32_t leaves = h.leafCount;
+  const std::uint8_t* groupStarts = blob + sizeof(layout::ClusterHeader);
+  if (leaves == 1) {
+    const Cluster c = openCluster(blob, h, ray);
+    return testLeaf<kAny>(c, blob + layout::recordOffset(bytes, h, 0), 0, cluster, ray, hit);
+  }
+  const BoxFrame frame = openBoxes(groupStarts, leaves, h.lower, h.boxShift, ray);
+  alignas(32) float entry[layout::kMaxLeaves + 8];
+  std::uint64_t met = 0;
+  for (std::uint32_t first = 0; first < leaves; first += kLanes)
+    met |= std::uint64_t(testBoxes(frame, first, ray, entry + first)) << first;
+  met &= ~0ull >> (64 - leaves);
+  if (met == 0) return false;
+
+  // What the first leaves will read: records, and vertices about where they must be.
+  const std::uint32_t vertexBytes = h.vertices() * h.vertexBits() / 8;
+  std::uint64_t soon = met;
+  for (int i = 0; i < 3 && soon != 0; ++i, soon &= soon - 1) {
+    const auto leaf = static_cast<std::uint32_t>(std::countr_zero(soon));
+    const std::uint8_t* vertices = blob + h.vertexOffset + leaf * vertexBytes / leaves;
+    __builtin_prefetch(vertices);
+    __builtin_prefetch(vertices + 64);
+  }
   const Cluster c = openCluster(blob, h, ray);
-  if (h.leafCount == 1) return testLeaf<kAny>(c, 0, c.triangles, cluster, ray, hit);
-
-  const std::uint8_t* boxes = blob + sizeof(layout::ClusterHeader);
-  const std::uint32_t groups = h.groups();
-  const std::uint8_t* starts = boxes + groups * layout::kGroupBytes;
-  const BoxFrame frame = openBoxes(boxes, h, ray);
-  alignas(32) float entry[layout::kMaxLeaves];
-  std::uint32_t met = 0;
-  for (std::uint32_t g = 0; g < groups; ++g)
-    for (std::uint32_t lane = 0; lane < 8; lane += kLanes)
-      met |= testBoxes(frame, g * layout::kGroupBytes + lane, ray, entry + g * 8 + lane)
-             << (g * 8 + lane);
-  met &= h.leafCount >= 32u ? 0xffffffffu : (1u << h.leafCount) - 1u;
-
   bool found = false;
   while (met != 0) {
-    std::uint32_t leaf = static_cast<std::uint32_t>(std::countr_zero(met));
+    auto leaf = static_cast<std::uint32_t>(std::countr_zero(met));
     if (!kAny)  // nearest box first
-      for (std::uint32_t rest = met & (met - 1); rest != 0; rest &= rest - 1) {
+      for (std::uint64_t rest = met & (met - 1); rest != 0; rest &= rest - 1) {
         const auto other = static_cast<std::uint32_t>(std::countr_zero(rest));
         if (entry[other] < entry[leaf]) leaf = other;
       }
     if (!kAny && entry[leaf] > ray.tfar) break;
-    met &= ~(1u << leaf);
-    const std::uint32_t first = starts[leaf];
-    const std::uint32_t end = leaf + 1 < h.leafCount ? starts[leaf + 1] : c.triangles;
-    found |= testLeaf<kAny>(c, first, end - first, cluster, ray, hit);
+    met &= ~(1ull << leaf);
+    const std::uint8_t* record = blob + layout::recordOffset(bytes, h, leaf);
+    found |= testLeaf<kAny>(c, record, leaf, cluster, ray, hit);
     if (kAny && found) return true;
   }
   return found;
+}
+
+// Nearest first through the top level, down to triangles. Children wait on a stack with the
+// distance of their boxes.
+template <bool kAny>
+HWY_INLINE bool testMesh(const MeshView& mesh, PreparedRay& ray, Hit& hit) {
+  struct Waiting {
+    std::uint32_t child;
+    float entry;
+  };
+  Waiting stack[7 * TopLevel::kMaxDepth + 8];
+  std::size_t waiting = 0;
+  bool found = false;
+  std::uint32_t child = 0;
+  for (;;) {
+    if (child & TopNode::kCluster) {
+      const std::uint32_t cluster = child & ~TopNode::kCluster;
+      found |= testCluster<kAny>(mesh.blob(cluster), ray, cluster, hit);
+      if (kAny && found) return true;
+    } else {
+      const TopNode& node = mesh.nodes[child];
+      const BoxFrame frame = openBoxes(node.planes[0], 8, node.lower, node.shift, ray);
+      alignas(32) float entry[8];
+      std::uint32_t met = 0;
+      for (std::uint32_t first = 0; first < 8; first += kLanes)
+        met |= testBoxes(frame, first, ray, entry + first) << first;
+      met &= (1u << node.children) - 1u;
+      const std::size_t base = waiting;
+      for (; met != 0; met &= met - 1) {
+        const auto i = static_cast<std::uint32_t>(std::countr_zero(met));
+        const std::uint32_t next = node.child[i];
+        mesh.prefetch(next);
+        std::size_t at = waiting++;
+        for (; !kAny && at > base && stack[at - 1].entry < entry[i]; --at)
+          stack[at] = stack[at - 1];
+        stack[at] = {next, entry[i]};
+      }
+    }
+    do {
+      if (waiting == 0) return found;
+      --waiting;
+    } while (!kAny && stack[waiting].entry > ray.tfar);
+    child = stack[waiting].child;
+  }
 }
 
 bool intersectCluster(const std::byte* blob, PreparedRay& ray, std::uint32_t cluster, Hit& hit) {
@@ -400,7 +523,17 @@ bool occludedCluster(const std::byte* blob, const PreparedRay& ray) {
   Hit hit;
   return testCluster<true>(blob, const_cast<PreparedRay&>(ray), 0, hit);  // kAny leaves it as it is
 }
-Kernels kernels() { return {intersectCluster, occludedCluster, hwy::TargetName(HWY_TARGET)}; }
+bool intersectMesh(const MeshView& mesh, PreparedRay& ray, Hit& hit) {
+  return testMesh<false>(mesh, ray, hit);
+}
+bool occludedMesh(const MeshView& mesh, const PreparedRay& ray) {
+  Hit hit;
+  return testMesh<true>(mesh, const_cast<PreparedRay&>(ray), hit);
+}
+Kernels kernels() {
+  return {intersectCluster, occludedCluster, intersectMesh, occludedMesh,
+          hwy::TargetName(HWY_TARGET)};
+}
 
 }  // namespace HWY_NAMESPACE
 }  // namespace hccm

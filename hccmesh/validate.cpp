@@ -10,6 +10,7 @@
 
 #include "hccmesh/hccmesh.h"
 #include "hccmesh/layout.h"
+#include "hccmesh/leaf.h"
 
 namespace hccm {
 namespace {
@@ -30,7 +31,10 @@ layout::Header checkHeader(std::span<const std::byte> bytes) {
   layout::Header h;
   std::memcpy(&h, bytes.data(), sizeof(h));
   check(std::memcmp(h.magic, layout::kMagic, 4) == 0, "wrong magic", 0);
-  check(h.version == layout::kVersion, "unknown version", 4);
+  if (h.version != layout::kVersion)
+    throw FormatError("an HCCMesh of version " + std::to_string(h.version) +
+                      ", this program reads version " + std::to_string(layout::kVersion) +
+                      "; bake again");
   check(h.byteSize == bytes.size(), "size differs from the buffer's", 8);
   check(h.checksum == checksumOf(bytes), "wrong checksum", 16);
   for (double o : h.gridOrigin) check(std::isfinite(o), "grid origin not finite", 24);
@@ -38,7 +42,9 @@ layout::Header checkHeader(std::span<const std::byte> bytes) {
   check(h.stepExponent >= layout::kMinStepExponent && h.stepExponent <= layout::kMaxStepExponent,
         "step out of range", 72);
   const std::uint64_t room = bytes.size() - sizeof(layout::Header) - layout::kTailBytes;
-  check(h.clusterCount <= room / (4 + sizeof(layout::ClusterHeader)), "too many clusters", 76);
+  check(h.clusterCount <= room / (4 + sizeof(layout::ClusterHeader)) &&
+            layout::firstBlob(h.clusterCount) <= room + sizeof(layout::Header),
+        "too many clusters", 76);
   check(allZero(bytes.data() + offsetof(layout::Header, reserved), bytes.data() + sizeof(h)),
         "reserved bytes not zero", 104);
   return h;
@@ -63,13 +69,11 @@ class ClusterCheck {
     std::memcpy(&h_, b, sizeof(h_));
     checkCounts();
     o_ = layout::offsetsOf(h_);
-    check(o_.end == size, "cluster of wrong size", at);
-    check(h_.topologyOffset == o_.topology && h_.vertexOffset == o_.vertices,
-          "wrong offsets in cluster", at + 36);
-    checkLeafStarts();
+    check(o_.records < o_.vertices && o_.end == size, "cluster of wrong size", at);
     checkVertices();
-    checkTopologyAndBoxes();
+    checkLeaves();
     checkTexCoords();
+    check(allZero(b + o_.colorsEnd, b + o_.end), "padding not zero", at + o_.colorsEnd);
   }
   const Bounds& bounds() const { return bounds_; }
   std::uint32_t triangles() const { return h_.triangles(); }
@@ -77,92 +81,73 @@ class ClusterCheck {
  private:
   void checkCounts() const {
     const std::uint32_t t = h_.triangles(), v = h_.vertices();
-    check(t <= layout::kMaxTriangles, "too many triangles", at_ + 20);
     check(v >= 3 && v <= 3 * t, "wrong vertex count", at_ + 21);
     check(h_.leafCount >= 1 && h_.leafCount <= layout::kMaxLeaves && h_.leafCount <= t,
           "wrong leaf count", at_ + 22);
-    check(h_.leafCount > 1 || t <= layout::kLeafSize, "leaf too large", at_ + 22);
-    check(h_.indexBits >= 2 && h_.indexBits == std::bit_width(v - 1u), "wrong index bits",
-          at_ + 23);
-    for (int k = 0; k < 3; ++k) {
-      check(h_.width[k] <= layout::kMaxWidth, "wrong width", at_ + 24);
-      check(std::abs(std::int64_t(h_.anchor[k])) <= layout::kMaxGrid, "anchor off the grid", at_);
-      check(h_.boxShift[k] <= 24, "wrong box shift", at_ + 28);
-    }
     check((h_.flags & ~15u) == 0 &&
               !((h_.flags & layout::kFloatTexCoords) && !(h_.flags & layout::kTexCoords)),
-          "unknown flags", at_ + 27);
-    check(h_.reserved0 == 0 && h_.reserved1 == 0, "reserved bytes not zero", at_ + 31);
-  }
-
-  std::uint32_t leafStart(std::uint32_t leaf) const {
-    if (leaf == 0) return 0;
-    return leaf < h_.leafCount ? std::to_integer<std::uint32_t>(b_[o_.leafStarts + leaf])
-                               : h_.triangles();
-  }
-  void checkLeafStarts() const {
-    if (h_.leafCount > 1)
-      check(b_[o_.leafStarts] == std::byte{0}, "first leaf not at 0", at_ + o_.leafStarts);
-    for (std::uint32_t i = 0; i < h_.leafCount; ++i) {
-      const std::uint32_t from = leafStart(i), to = leafStart(i + 1);
-      check(to > from && to - from <= layout::kLeafSize, "wrong leaf", at_ + o_.leafStarts + i);
+          "unknown flags", at_ + 23);
+    for (int k = 0; k < 3; ++k) {
+      check(h_.width[k] <= layout::kMaxWidth, "wrong width", at_ + 24);
+      check(std::abs(std::int64_t(h_.lower[k])) <= layout::kMaxGrid, "bounds off the grid", at_);
+      check(h_.boxShift[k] <= 24, "wrong box shift", at_ + 27);
     }
+    check(h_.reserved == 0, "reserved byte not zero", at_ + 33);
   }
 
   void checkVertices() {
-    std::uint32_t bit = 0;
-    for (std::uint32_t v = 0; v < h_.vertices(); ++v)
-      for (int k = 0; k < 3; ++k) {
-        const std::uint32_t offset = layout::readBits(b_ + o_.vertices, bit, h_.width[k]);
-        grid_[v][k] = h_.anchor[k] + static_cast<std::int32_t>(offset);
-        bit += h_.width[k];
-        check(grid_[v][k] <= layout::kMaxGrid, "vertex off the grid", at_ + o_.vertices + bit / 8);
-      }
-    for (std::uint32_t v = 0; v < h_.vertices(); ++v) bounds_.extend(grid_[v]);
-    const std::uint32_t spare = (o_.normals - o_.vertices) * 8u - bit;
-    for (std::uint32_t i = 0; i < spare; ++i)
-      check(layout::readBits(b_ + o_.vertices, bit + i, 1) == 0, "padding not zero",
-            at_ + o_.vertices + (bit + i) / 8);
+    for (std::uint32_t v = 0; v < h_.vertices(); ++v) {
+      layout::readVertex(b_ + o_.vertices, h_, v, grid_[v]);
+      for (int k = 0; k < 3; ++k)
+        check(grid_[v][k] <= layout::kMaxGrid, "vertex off the grid",
+              at_ + o_.vertices + v * h_.vertexBits() / 8u);
+      bounds_.extend(grid_[v]);
+    }
+    const std::uint32_t end = h_.vertices() * h_.vertexBits();
+    for (std::uint32_t bit = end; bit < 8u * (o_.normals - o_.vertices); ++bit)
+      check(layout::readBits(b_ + o_.vertices, bit, 1) == 0, "padding not zero",
+            at_ + o_.vertices + bit / 8);
     for (int k = 0; k < 3; ++k) {
-      const auto extent = static_cast<std::uint32_t>(bounds_.upper[k] - h_.anchor[k]);
-      check(bounds_.lower[k] == h_.anchor[k], "anchor is not the least vertex", at_);
+      check(bounds_.lower[k] == h_.lower[k], "bounds are not the least", at_);
+      const auto extent = static_cast<std::uint32_t>(bounds_.upper[k] - h_.lower[k]);
       check(h_.width[k] == std::bit_width(extent), "width is not the least", at_ + 24);
       const std::uint32_t cell = 1u << h_.boxShift[k];
-      check(h_.top[k] == (extent + cell - 1u) / cell, "box does not fit the vertices", at_ + 32);
+      check(h_.top[k] == (extent + cell - 1u) / cell, "box does not fit the vertices", at_ + 30);
     }
   }
 
-  void checkTopologyAndBoxes() const {
-    std::uint32_t bit = 0;
-    for (std::uint32_t leaf = 0; leaf < h_.leafCount; ++leaf) {
-      Bounds box;
-      for (std::uint32_t corner = 3 * leafStart(leaf); corner < 3 * leafStart(leaf + 1); ++corner) {
-        const std::uint32_t v = layout::readBits(b_ + o_.topology, bit, h_.indexBits);
-        check(v < h_.vertices(), "vertex index out of range", at_ + o_.topology + bit / 8);
-        bit += h_.indexBits;
-        box.extend(grid_[v]);
-      }
-      if (h_.leafCount > 1) checkBox(leaf, box);
+  // Records lie without gaps, and number vertices in the order of their first use.
+  void checkLeaves() const {
+    std::uint32_t at = o_.records, used = 0, triangles = 0;
+    for (std::uint32_t i = 0; i < h_.leafCount; ++i) {
+      check(layout::recordOffset(b_, h_, i) == at, "leaf at a wrong place", at_ + o_.leafStarts);
+      check(i % 8 != 0 || b_[o_.leafStarts + i] == std::byte{0}, "group at a wrong place",
+            at_ + o_.groupStarts);
+      check(at < o_.vertices, "leaves overlap vertices", at_ + at);
+      const LeafTopology leaf = readLeaf(b_ + at);
+      check(leaf.canonical && leaf.firstFresh == used && used + leaf.fresh <= h_.vertices(),
+            "damaged leaf", at_ + at);
+      if (h_.leafCount > 1) checkBox(i, leaf);
+      used += leaf.fresh;
+      triangles += leaf.triangles;
+      at += leaf.bytes;
     }
-    for (; bit % 8u != 0; ++bit)
-      check(layout::readBits(b_ + o_.topology, bit, 1) == 0, "padding not zero", at_ + o_.topology);
-    for (std::uint32_t lane = h_.leafCount; lane < 8 * h_.groups(); ++lane)
-      for (int k = 0; k < 3; ++k)
-        check(plane(lane, k, 0) == 255 && plane(lane, k, 1) == 0, "unused box not empty",
+    check(at == o_.vertices, "leaves do not end at the vertices", at_ + 34);
+    check(used == h_.vertices() && triangles == h_.triangles(), "wrong counts in leaves", at_ + 20);
+  }
+
+  void checkBox(std::uint32_t leaf, const LeafTopology& t) const {
+    for (std::uint32_t i = 0; i < t.locals; ++i)
+      for (int k = 0; k < 3; ++k) {
+        const std::byte* lower =
+            b_ + o_.boxes + 2u * static_cast<std::uint32_t>(k) * h_.leafCount + leaf;
+        const auto plane = [&](std::byte q) {
+          return h_.lower[k] + (std::to_integer<std::int64_t>(q) << h_.boxShift[k]);
+        };
+        const std::int32_t at = grid_[t.vertex[i]][k];
+        check(plane(*lower) <= at && plane(lower[h_.leafCount]) >= at, "box does not hold its leaf",
               at_ + o_.boxes);
-  }
-
-  std::uint32_t plane(std::uint32_t leaf, int axis, int upper) const {
-    return std::to_integer<std::uint32_t>(
-        b_[o_.boxes + leaf / 8u * layout::kGroupBytes + 16 * axis + 8 * upper + leaf % 8u]);
-  }
-  void checkBox(std::uint32_t leaf, const Bounds& box) const {
-    for (int k = 0; k < 3; ++k) {
-      const std::int64_t lower = h_.anchor[k] + (std::int64_t(plane(leaf, k, 0)) << h_.boxShift[k]);
-      const std::int64_t upper = h_.anchor[k] + (std::int64_t(plane(leaf, k, 1)) << h_.boxShift[k]);
-      check(lower <= box.lower[k] && upper >= box.upper[k], "box does not hold its leaf",
-            at_ + o_.boxes);
-    }
+      }
   }
 
   void checkTexCoords() const {
@@ -198,14 +183,27 @@ std::uint64_t checksumOf(std::span<const std::byte> bytes) {
   return XXH3_64bits_digest(state.get());
 }
 
+ClusterSummary validateCluster(std::span<const std::byte> blob, std::uint64_t at) {
+  const ClusterCheck check(blob.data(), blob.size(), at);
+  ClusterSummary s;
+  std::copy_n(check.bounds().lower, 3, s.lower);
+  std::copy_n(check.bounds().upper, 3, s.upper);
+  s.triangles = check.triangles();
+  return s;
+}
+
 void validate(std::span<const std::byte> bytes) {
   const layout::Header h = checkHeader(bytes);
   const std::uint64_t end = bytes.size() - layout::kTailBytes;
   check(allZero(bytes.data() + end, bytes.data() + bytes.size()), "tail not zero", end);
   std::vector<std::uint32_t> table(h.clusterCount);
   if (!table.empty()) std::memcpy(table.data(), bytes.data() + sizeof(h), 4ull * h.clusterCount);
-  const std::uint64_t first = sizeof(h) + 4ull * h.clusterCount;
-  const auto begin = [&](std::uint64_t i) { return i < table.size() ? 4ull * table[i] : end; };
+  const std::uint64_t first = layout::firstBlob(h.clusterCount);
+  const std::uint64_t tableEnd = sizeof(h) + 4ull * h.clusterCount;
+  check(allZero(bytes.data() + tableEnd, bytes.data() + first), "padding not zero", tableEnd);
+  const auto begin = [&](std::uint64_t i) {
+    return i < table.size() ? layout::blobOffset(table[i]) : end;
+  };
   check(begin(0) == first, "first cluster not after the table", sizeof(h));
   for (std::uint64_t i = 0; i < table.size(); ++i)
     check(begin(i) < begin(i + 1) && begin(i + 1) <= end, "cluster table not ascending",
@@ -220,10 +218,11 @@ void validate(std::span<const std::byte> bytes) {
   tbb::parallel_for(std::size_t{0}, sums.size(), [&](std::size_t block) {
     const std::uint64_t stop = std::min<std::uint64_t>(table.size(), (block + 1) * kBlock);
     for (std::uint64_t i = block * kBlock; i < stop; ++i) {
-      const ClusterCheck c(bytes.data() + begin(i), begin(i + 1) - begin(i), begin(i));
-      sums[block].bounds.extend(c.bounds().lower);
-      sums[block].bounds.extend(c.bounds().upper);
-      sums[block].triangles += c.triangles();
+      const ClusterSummary c =
+          validateCluster(bytes.subspan(begin(i), begin(i + 1) - begin(i)), begin(i));
+      sums[block].bounds.extend(c.lower);
+      sums[block].bounds.extend(c.upper);
+      sums[block].triangles += c.triangles;
     }
   });
   Sum all;

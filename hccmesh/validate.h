@@ -11,6 +11,16 @@ namespace hccm {
 /// Throws FormatError. Uses oneTBB; thread safe.
 void validate(std::span<const std::byte> bytes);
 
+/// Grid bounds and number of triangles of one cluster.
+struct ClusterSummary {
+  std::int32_t lower[3], upper[3];
+  std::uint32_t triangles;
+};
+
+/// Checks one whole blob as validate() does; kTailBytes behind it must be readable. `at` is where
+/// it lies, for the message. Throws FormatError. Thread safe.
+ClusterSummary validateCluster(std::span<const std::byte> blob, std::uint64_t at);
+
 /// XXH3-64 of a buffer whose checksum field counts as zero. At least a header long.
 std::uint64_t checksumOf(std::span<const std::byte> bytes);
 

@@ -9,16 +9,20 @@
 #include <fstream>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <optional>
 
 #include "src/app/app.h"
 #include "src/app/interrupt.h"
+#include "src/app/progress.h"
 #include "src/bundle/bundle.h"
+#include "src/bundle/stream_bake.h"
 #include "src/core/error.h"
 #include "src/core/file.h"
 #include "src/core/log.h"
 #include "src/core/memory.h"
+#include "src/scene/synth.h"
 #include "src/session/preflight.h"
 
 namespace trex {
@@ -29,7 +33,7 @@ namespace fs = std::filesystem;
 struct BakeArguments {
   std::string input, output, environment, maxMemory;
   int depth = 8, precision = 24, threads = 0;
-  bool noVoxels = false, json = false;
+  bool noVoxels = false, stream = false, resume = false, json = false;
 };
 
 /// Seconds by phase, for --json.
@@ -104,11 +108,11 @@ nlohmann::ordered_json bytesByPart(const std::vector<bundle::Section>& sections)
                                 {"voxel_bytes", 0},
                                 {"texture_bytes", 0}};
   for (const bundle::Section& s : sections) {
-    const char* part = s.name == "scene.json"      ? "scene_bytes"
-                       : s.name.ends_with(".hccm") ? "hccmesh_bytes"
-                       : s.name == "emitters.bin"  ? "emitter_bytes"
-                       : s.name == "voxels.asvo"   ? "voxel_bytes"
-                                                   : "texture_bytes";
+    const char* part = s.name == "scene.json"                                      ? "scene_bytes"
+                       : s.name.ends_with(".hccm") || s.name.starts_with("world.") ? "hccmesh_bytes"
+                       : s.name == "emitters.bin"                                  ? "emitter_bytes"
+                       : s.name == "voxels.asvo"                                   ? "voxel_bytes"
+                                                 : "texture_bytes";
     out[part] = out[part].get<std::uint64_t>() + s.bytes;
   }
   return out;
@@ -161,13 +165,7 @@ std::vector<bundle::Section> write(const BakeArguments& a, const Model& model,
   }
 }
 
-void bake(const BakeArguments& a) {
-  checkArguments(a);
-  std::optional<tbb::global_control> limit;
-  if (a.threads > 0) {
-    limit.emplace(tbb::global_control::max_allowed_parallelism,
-                  static_cast<std::size_t>(a.threads));
-  }
+void bakeInMemory(const BakeArguments& a) {
   Phases phases;
   phases.next("import");
   std::vector<SourceFile> files;
@@ -195,12 +193,130 @@ void bake(const BakeArguments& a) {
   report(a, model, phases, sections);
 }
 
+std::uint64_t allowedMemory(const BakeArguments& a) {
+  const std::uint64_t all = availableMemoryLimit();
+  return a.maxMemory.empty() ? all : std::min(all, parseBytes(a.maxMemory));
+}
+
+/// Whether a model is baked as a stream: asked for, or its arrays and its build would not fit.
+bool wantsStream(const BakeArguments& a) {
+  if (a.stream || a.resume) return true;
+  // Per triangle: arrays, and what the build holds beside them (preflight.cpp).
+  constexpr std::uint64_t kSynthBytes = 48 + 48 + 12, kFileBytes = 4;
+  if (isSynthName(a.input)) {
+    const std::uint64_t triangles = parseSynthName(a.input).triangles;
+    constexpr std::uint64_t kMostInMemory = 2'000'000;
+    return triangles > kMostInMemory || triangles * kSynthBytes > allowedMemory(a);
+  }
+  std::error_code error;
+  const std::uintmax_t bytes = fs::file_size(a.input, error);
+  return !error && bytes * kFileBytes > allowedMemory(a);
+}
+
+void announce(const BakeArguments& a, const StreamEstimate& e, std::uint64_t triangles) {
+  logInfo(
+      "{}: streaming {} triangles; about {} of memory (allowed {}), {} of disk ({} free), {:.0f} s",
+      a.input, triangles, formatBytes(e.memory), formatBytes(e.allowed),
+      formatBytes(e.spillBytes + e.bundleBytes), formatBytes(e.freeBytes), e.seconds);
+}
+
+void reportStream(const BakeArguments& a, const StreamBakeResult& r, const StreamEstimate& e,
+                  const Phases& phases) {
+  const std::uint64_t bytes = fs::file_size(a.output);
+  if (!a.json) {
+    fmt::print("{} {} bytes\n", a.output, bytes);
+    return;
+  }
+  nlohmann::ordered_json out = {{"input", a.input},
+                                {"output", a.output},
+                                {"bytes", bytes},
+                                {"streamed", true},
+                                {"triangles", r.triangles},
+                                {"dropped_triangles", r.droppedTriangles},
+                                {"clusters", r.clusters},
+                                {"pages", r.pages},
+                                {"buckets", r.buckets},
+                                {"buckets_reused", r.bucketsReused},
+                                {"voxel_depth", r.voxelDepth}};
+  out.update(bytesByPart(r.sections));
+  out["estimated_memory_bytes"] = e.memory;
+  out["estimated_disk_bytes"] = e.spillBytes + e.bundleBytes;
+  out["estimated_seconds"] = e.seconds;
+  out.update(phases.json());
+  out["peak_resident_bytes"] = peakResidentBytes();
+  fmt::print("{}\n", out.dump(2));
+}
+
+void bakeStreamed(const BakeArguments& a) {
+  Phases phases;
+  phases.next("import");
+  ImportOptions import;
+  import.environmentGiven = !a.environment.empty();
+  std::unique_ptr<TriangleStream> stream = openTriangleStream(a.input, import);
+  StreamBakeOptions options;
+  options.maxMemory = allowedMemory(a);
+  options.precisionBits = a.precision;
+  options.voxelDepth = a.noVoxels ? 0 : a.depth;
+  options.resume = a.resume;
+  BakeFacts facts;
+  facts.input = a.input;
+  facts.precisionBits = a.precision;
+  facts.voxelDepth = a.depth;
+  std::vector<SourceFile> files = stream->scene().files;
+  if (!a.environment.empty()) {
+    std::error_code error;
+    if (fs::is_regular_file(a.environment, error)) files.push_back(examineSource(a.environment));
+    options.environment = parseEnvironment(a.environment);
+  }
+  const StreamEstimate estimate = estimateStreamBake(*stream, options, a.output);
+  announce(a, estimate, stream->triangleCount());
+  phases.next("hash");
+  facts.files = hashSources(files, a.output);
+  phases.next("build");
+  std::signal(SIGXFSZ, SIG_IGN);  // a file beyond the limit is an error of write() then
+  catchInterrupts();
+  std::mutex mutex;
+  std::map<std::string, Progress> bars;  // of each phase
+  options.keepGoing = [&](const char* phase, double done) {
+    const std::lock_guard lock(mutex);
+    bars[phase].show(done, phase);
+    return interruptedBy() == 0;
+  };
+  StreamBakeResult result;
+  try {
+    result = bakeStream(std::move(stream), options, facts, a.output);
+  } catch (const Error& e) {
+    if (e.code() != ExitCode::kInterrupted) throw;
+    throw Error(static_cast<ExitCode>(128 + interruptedBy()), e.what());
+  }
+  phases.set("sort", result.spillSeconds);
+  phases.set("mesh_build", result.meshSeconds);
+  phases.set("voxel_build", result.voxelSeconds);
+  phases.next("");
+  reportStream(a, result, estimate, phases);
+}
+
+void bake(const BakeArguments& a) {
+  checkArguments(a);
+  std::optional<tbb::global_control> limit;
+  if (a.threads > 0) {
+    limit.emplace(tbb::global_control::max_allowed_parallelism,
+                  static_cast<std::size_t>(a.threads));
+  }
+  if (wantsStream(a)) {
+    bakeStreamed(a);
+  } else {
+    bakeInMemory(a);
+  }
+}
+
 }  // namespace
 
 void addBakeCommand(CLI::App& app) {
   auto a = std::make_shared<BakeArguments>();
   CLI::App* c = app.add_subcommand("bake", "Make a model ready for rays and keep it in one file");
-  c->add_option("INPUT", a->input, "Model: .gltf .glb .ply .obj")->required();
+  c->add_option("INPUT", a->input, "Model: .gltf .glb .ply .obj, or synth:NAME?triangles=N&seed=S")
+      ->required();
   c->add_option("-o,--output", a->output, "Bundle: X.trex")->required();
   c->add_option("--depth", a->depth, "Levels of voxels below the root")
       ->check(CLI::Range(1, static_cast<int>(asvo::ASVO_MAX_DEPTH)))
@@ -212,6 +328,10 @@ void addBakeCommand(CLI::App& app) {
   c->add_flag("--no-voxels", a->noVoxels, "Leave voxels out: every sample will be exact");
   c->add_option("--max-memory", a->maxMemory, "Memory this process may use, such as 8G [all]");
   c->add_option("--threads", a->threads, "CPU threads [all]")->check(CLI::Range(1, 4096));
+  c->add_flag("--stream", a->stream,
+              "Build out of core, through temporary files beside the bundle [if it does not fit]");
+  c->add_flag("--resume", a->resume,
+              "Go on with a streamed bake that was stopped; implies --stream");
   c->add_flag("--json", a->json, "Print a JSON summary on stdout");
   c->callback([a] { bake(*a); });
 }

@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "src/app/app.h"
+#include "src/app/bench_hccmesh.h"
 #include "src/app/bench_tradeoff.h"
 #include "src/app/interrupt.h"
 #include "src/app/render_arguments.h"
@@ -200,12 +201,54 @@ int tradeoff(BenchArguments& a) {
   return signal == 0 ? 0 : 128 + signal;
 }
 
+void addHccmeshBench(CLI::App& bench) {
+  struct Arguments {
+    HccmeshBenchArguments bench;
+    std::string json;
+    int threads = 0;
+  };
+  auto a = std::make_shared<Arguments>();
+  CLI::App* c = bench.add_subcommand(
+      "hccmesh", "Bytes a triangle and rays a second, against Embree's own triangles");
+  c->add_option("INPUT", a->bench.input, "Model: .gltf .glb .ply .obj")->required();
+  c->add_option("--camera", a->bench.camera, "NAME or EYE/TARGET/UP/VFOV [the scene's first]");
+  c->add_option("--precision", a->bench.precisionBits, "Grid cells along the extent: 2^bits")
+      ->check(CLI::Range(8, 24))
+      ->capture_default_str();
+  c->add_option("--runs", a->bench.runs, "Medians of so many runs")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  c->add_option("--rays", a->bench.rays, "Rays of each kind")
+      ->check(CLI::Range(std::uint64_t{1024}, std::uint64_t{1} << 26))
+      ->capture_default_str();
+  c->add_flag("!--no-embree", a->bench.embree, "HCCMesh alone");
+  c->add_option("--threads", a->threads, "CPU threads [all]")->check(CLI::Range(1, 4096));
+  c->add_option("--json", a->json, "Write the document to this file; - is stdout");
+  c->callback([a] {
+    if (!a->json.empty() && a->json != "-") checkWritable(a->json);
+    std::optional<tbb::global_control> limit;
+    if (a->threads > 0) {
+      limit.emplace(tbb::global_control::max_allowed_parallelism,
+                    static_cast<std::size_t>(a->threads));
+    }
+    const nlohmann::ordered_json document = benchHccmesh(a->bench);
+    if (a->json == "-") {
+      fmt::print("{}\n", document.dump(1));
+    } else {
+      printHccmeshBench(document);
+      if (!a->json.empty()) writeText(a->json, document.dump(1) + "\n");
+    }
+    std::fflush(stdout);
+  });
+}
+
 }  // namespace
 
 void addBenchCommand(CLI::App& app, int& exitCode) {
   auto a = std::make_shared<BenchArguments>();
   CLI::App* bench = app.add_subcommand("bench", "Measure this program on this machine");
   bench->require_subcommand(1);
+  addHccmeshBench(*bench);
   CLI::App* c =
       bench->add_subcommand("tradeoff", "Error over time for several shares of exactness");
   c->add_option("SCENE", a->scenes, "Models: .gltf .glb .ply .obj");

@@ -1,5 +1,6 @@
 // trex info FILE: what is in a bundle, a mesh, a tree of voxels, or a model.
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cmath>
@@ -11,6 +12,7 @@
 #include "src/bundle/bundle.h"
 #include "src/core/error.h"
 #include "src/core/memory.h"
+#include "src/scene/synth.h"
 
 namespace trex {
 namespace {
@@ -28,7 +30,8 @@ Json describe(const hccm::Sizes& s) {
           {"nodes_bytes", s.nodes},
           {"normals_bytes", s.normals},
           {"texture_coordinates_bytes", s.texCoords},
-          {"colours_bytes", s.colors}};
+          {"colours_bytes", s.colors},
+          {"padding_bytes", s.padding}};
 }
 
 Json describe(const hccm::Mesh& mesh) {
@@ -119,12 +122,13 @@ void addMeshes(Json& out, const RayScene& rays) {
   const RayScene::Statistics statistics = rays.statistics();
   hccm::Sizes sum = parts.world.sizes();
   double finest = parts.world.step(), coarsest = finest, error = parts.world.errorBound();
+  if (parts.paged) {
+    sum = parts.paged->table().sizes;
+    finest = coarsest = parts.paged->step();
+    error = parts.paged->errorBound();
+  }
   for (const hccm::Mesh& mesh : parts.shared) {
-    const hccm::Sizes s = mesh.sizes();
-    sum.header += s.header, sum.clusterTable += s.clusterTable;
-    sum.clusterHeaders += s.clusterHeaders, sum.vertices += s.vertices;
-    sum.topology += s.topology, sum.nodes += s.nodes, sum.normals += s.normals;
-    sum.texCoords += s.texCoords, sum.colors += s.colors;
+    sum += mesh.sizes();
     finest = std::min(finest, mesh.step());
     coarsest = std::max(coarsest, mesh.step());
     error = std::max(error, mesh.errorBound());
@@ -143,13 +147,35 @@ void addMeshes(Json& out, const RayScene& rays) {
   out["coarsest_grid_step_metres"] = coarsest;
   out["error_bound_metres"] = error;
   out["hccmesh"] = describe(sum);
+  if (parts.paged) {
+    const hccm::PageTable& table = parts.paged->table();
+    out["mesh_pages"] = {{"pages", table.pages.size()},
+                         {"groups", table.groups.size()},
+                         {"memory_bytes", table.bytes()},
+                         {"disk_bytes", table.packedBytes()},
+                         {"largest_page_bytes", table.largestPage()},
+                         {"table_bytes", table.toBytes().size()}};
+  }
   out["top_level_bytes"] = statistics.topLevelBytes;
+}
+
+/// Loads every page, which checks its checksum and every cluster in it.
+void verifyPages(const hccm::PagedMesh& mesh) {
+  try {
+    tbb::parallel_for(std::size_t{0}, mesh.table().pages.size(),
+                      [&](std::size_t page) { mesh.page(static_cast<std::uint32_t>(page)); });
+  } catch (const hccm::FormatError& e) {
+    fail(ExitCode::kInput, "{}; bake again", e.what());
+  }
 }
 
 Json describeBundle(const fs::path& path, const std::shared_ptr<const Bytes>& bytes, bool verify) {
   const bundle::Container container(*bytes, path.string());
   if (verify) container.verify();
   BundleContents contents = readBundle(*bytes, bytes, path.string());
+  constexpr std::uint64_t kCache = 64 * (std::uint64_t{16} << 20);  // any 64 pages
+  if (contents.pageTable) attachPages(contents, kCache);
+  if (verify && contents.parts.paged) verifyPages(*contents.parts.paged);
   const bundle::Description d = std::move(contents.description);
   Json out = {{"kind", "bundle"},
               {"path", path.string()},
@@ -197,11 +223,27 @@ Json describeModel(const fs::path& path) {
   return out;
 }
 
+/// Without making it.
+Json describeSynth(const std::string& name) {
+  const std::unique_ptr<TriangleStream> stream = openSynth(name);
+  const Box3d bounds = stream->bounds();
+  Json out = {{"kind", "model"},
+              {"path", name},
+              {"triangles", stream->triangleCount()},
+              {"unique_triangles", stream->triangleCount()},
+              {"lower_metres", list(bounds.lower)},
+              {"upper_metres", list(bounds.upper)}};
+  addScene(out, stream->scene());
+  out["requirements"] = describe(bundle::requirementsOf(stream->scene(), true));
+  return out;
+}
+
 bool startsWith(Bytes bytes, std::string_view magic) {
   return bytes.size() >= magic.size() && std::memcmp(bytes.data(), magic.data(), magic.size()) == 0;
 }
 
 Json describeFile(const fs::path& path, bool verify) {
+  if (isSynthName(path.string())) return describeSynth(path.string());
   const std::shared_ptr<const Bytes> bytes = mapFile(path);
   if (bundle::hasBundleMagic(*bytes) || isBundlePath(path)) {
     return describeBundle(path, bytes, verify);
@@ -313,6 +355,12 @@ void printText(const Json& d) {
   if (d.contains("hccmesh")) {
     line("clusters", d["clusters"].dump());
     printBytes(d["hccmesh"]);
+  }
+  if (d.contains("mesh_pages")) {
+    const Json& p = d["mesh_pages"];
+    line("mesh pages", fmt::format("{} of {} groups, loaded as rays need them", p["pages"].dump(),
+                                   p["groups"].dump()));
+    printBytes(p);
   }
   if (kind == "bundle") printBytes(d);
   if (d.contains("voxels")) printVoxels(d["voxels"]);

@@ -31,6 +31,10 @@ void Progress::clear() {
 }
 
 void Progress::show(double share, std::uint32_t samples) {
+  show(share, fmt::format("{} samples", samples));
+}
+
+void Progress::show(double share, const std::string& what) {
   const double at = now();
   if (at < next_ || logLevel() < LogLevel::kInfo) return;
   next_ = at + (terminal_ ? 0.25 : 10.0);
@@ -39,14 +43,13 @@ void Progress::show(double share, std::uint32_t samples) {
       share > 0.0 ? fmt::format("{:.0f} s left", elapsed * (1.0 - share) / share) : "";
   const std::string memory = formatBytes(peakResidentBytes());
   if (!terminal_) {
-    logInfo("{:3.0f} %  {} samples  {:.0f} s  {}  {}", share * 100.0, samples, elapsed, left,
-            memory);
+    logInfo("{:3.0f} %  {}  {:.0f} s  {}  {}", share * 100.0, what, elapsed, left, memory);
     return;
   }
   const int filled = static_cast<int>(share * 30.0);
-  fmt::print(stderr, "\r[{:<30}] {:3.0f} %  {} samples  {:.0f} s  {}  {} \033[K",
-             std::string(static_cast<std::size_t>(filled), '='), share * 100.0, samples, elapsed,
-             left, memory);
+  fmt::print(stderr, "\r[{:<30}] {:3.0f} %  {}  {:.0f} s  {}  {} \033[K",
+             std::string(static_cast<std::size_t>(filled), '='), share * 100.0, what, elapsed, left,
+             memory);
   std::fflush(stderr);
   shown_ = true;
 }

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 namespace trex {
 
@@ -14,6 +15,8 @@ class Progress {
   Progress& operator=(const Progress&) = delete;
   /// `share` of the goal done, [0, 1]; `samples` a pixel so far.
   void show(double share, std::uint32_t samples);
+  /// The same with a word on what is under way.
+  void show(double share, const std::string& what);
 
  private:
   void clear();

@@ -15,6 +15,7 @@
 #include "src/core/error.h"
 #include "src/core/file.h"
 #include "src/core/log.h"
+#include "src/core/memory.h"
 #include "src/frame/image_file.h"
 #include "src/scene/import.h"
 #include "src/scene/look_file.h"
@@ -59,6 +60,17 @@ Look readEdits(RenderArguments& a, const Scene& scene, ModelOptions& options) {
   return look;
 }
 
+/// Limit of pages in memory: as asked for, or most of what the rest leaves.
+std::uint64_t cacheFor(const RenderArguments& a, const PagedSizes& paged, const Preflight& fit) {
+  if (paged.pages == 0) return 0;
+  const std::uint64_t left = (fit.allowed - fit.needed) / 8 * 7;
+  const std::uint64_t cache = a.cache.empty() ? std::max<std::uint64_t>(left, 1)
+                                              : std::max<std::uint64_t>(parseBytes(a.cache), 1);
+  logVerbose("memory: {:>10} of pages, at most {} at a time", formatBytes(paged.pages),
+             formatBytes(std::min(cache, paged.pages)));
+  return std::min(cache, paged.pages);
+}
+
 int render(RenderArguments& a) {
   readSettings(a);
   const PictureLayers layers = layersFromNames(a.layers);
@@ -87,9 +99,12 @@ int render(RenderArguments& a) {
     importSeconds = seconds() - start;
     logVerbose("{}: {} triangles, {} unique, {} instances", a.input, scene.triangleCount(),
                scene.uniqueTriangleCount(), scene.instances.size());
-    const std::uint64_t baked =
-        isBundlePath(a.input) ? std::filesystem::file_size(a.input) : std::uint64_t{0};
-    model.voxelBytes = preflight(scene, a.settings, layers, baked).voxelBytes;
+    const std::uint64_t baked = isBundlePath(a.input)
+                                    ? std::filesystem::file_size(a.input) - model.paged.disk
+                                    : std::uint64_t{0};
+    const Preflight fit = preflight(scene, a.settings, layers, baked, model.paged.topLevel);
+    model.voxelBytes = fit.voxelBytes;
+    model.cacheBytes = cacheFor(a, model.paged, fit);
     built = model;
     catchInterrupts();
   };
@@ -104,7 +119,9 @@ int render(RenderArguments& a) {
 void addRenderCommand(CLI::App& app, int& exitCode) {
   auto a = std::make_shared<RenderArguments>();
   CLI::App* c = app.add_subcommand("render", "Render a model to a picture without a window");
-  c->add_option("INPUT", a->input, "Model: .gltf .glb .ply .obj, or a baked .trex")->required();
+  c->add_option("INPUT", a->input,
+                "Model: .gltf .glb .ply .obj, a baked .trex, or synth:NAME?triangles=N&seed=S")
+      ->required();
   c->add_option("-o,--output", a->output, "Picture: .exr (linear) or .png (tone-mapped)")
       ->required();
   c->add_option("--size", a->size, "WxH in pixels")->capture_default_str();
@@ -144,6 +161,8 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
   c->add_option("--seed", a->settings.seed, "Seed of all random numbers")->capture_default_str();
   c->add_option("--threads", a->threads, "CPU threads [all]")->check(CLI::Range(1, 4096));
   c->add_option("--max-memory", a->maxMemory, "Memory this process may use, such as 8G [all]");
+  c->add_option("--cache", a->cache,
+                "Memory for pages of a streamed bundle, such as 2G [what --max-memory leaves]");
   c->add_option("--max-gpu-memory", a->maxGpuMemory,
                 "Device memory that may be used, such as 2G [all]");
   c->add_option("--checkpoint", a->checkpoint,

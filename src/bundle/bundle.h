@@ -28,11 +28,15 @@ struct BundleContents {
   bundle::Description description;  ///< its scene has texels, and arrays of meshes that emit
   RayScene::Parts parts;
   std::optional<asvo::Tree> voxels;
+  /// Of a bundle with pages; see attachPages().
+  std::optional<hccm::PageTable> pageTable;
+  std::unique_ptr<hccm::PageFile> pageFile;
 };
 
 struct BundleReadOptions {
   bool voxels = true;               ///< read them if they are there
   std::uint64_t maxImageBytes = 0;  ///< of all texels together; 0: what the machine has
+  std::filesystem::path file;       ///< read pages from it; empty: from the bytes
 };
 
 /// Reads a bundle's bytes; reads no other file. They must start at a multiple of 8 and not change
@@ -41,6 +45,10 @@ struct BundleReadOptions {
 /// large. Uses the calling oneTBB arena.
 BundleContents readBundle(std::span<const std::byte> bytes, std::shared_ptr<const void> owner,
                           const std::string& name, const BundleReadOptions& options = {});
+
+/// Gives the parts their paged mesh, if the bundle has one, with a limit of pages in memory (0:
+/// all). Throws Error(kMemoryOrDevice) if the limit is less than a page.
+void attachPages(BundleContents& contents, std::uint64_t cacheBytes);
 
 /// A read-only map of a whole file. Throws Error(kInput).
 std::shared_ptr<const std::span<const std::byte>> mapFile(const std::filesystem::path& path);

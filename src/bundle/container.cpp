@@ -109,16 +109,27 @@ void Container::readDirectory(std::uint64_t offset, std::uint32_t count) {
 
 bool Container::has(std::string_view section) const { return index_.contains(section); }
 
-std::span<const std::byte> Container::section(std::string_view section) const {
+const Section& Container::find(std::string_view section) const {
   const auto found = index_.find(section);
   if (found == index_.end()) {
     fail(ExitCode::kInput, "{}: has no section {}; bake again", name_, section);
   }
-  const Section& s = sections_[found->second];
+  return sections_[found->second];
+}
+
+std::span<const std::byte> Container::section(std::string_view section) const {
+  const Section& s = find(section);
   const std::uint64_t start = s.offset - sizeof(Header);
   checkPages(start / kPageBytes, (start + s.bytes + kPageBytes - 1) / kPageBytes);
   return bytes_.subspan(s.offset, s.bytes);
 }
+
+std::span<const std::byte> Container::uncheckedSection(std::string_view section) const {
+  const Section& s = find(section);
+  return bytes_.subspan(s.offset, s.bytes);
+}
+
+std::uint64_t Container::offsetOf(std::string_view section) const { return find(section).offset; }
 
 std::string Container::sectionAt(std::uint64_t offset) const {
   const auto after =

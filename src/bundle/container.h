@@ -19,7 +19,7 @@
 
 namespace trex::bundle {
 
-inline constexpr std::uint32_t kVersion = 1;
+inline constexpr std::uint32_t kVersion = 2;
 inline constexpr std::uint64_t kAlignment = 4096;       ///< of sections, bytes
 inline constexpr std::uint64_t kPageBytes = 64 * 1024;  ///< what one checksum covers
 
@@ -42,6 +42,10 @@ class Container {
   /// The bytes of a section, after checking the pages they lie on. Throws Error(kInput) if there
   /// is none of that name or a page is damaged.
   std::span<const std::byte> section(std::string_view section) const;
+  /// The same, unchecked: for sections whose parts have checksums of their own.
+  std::span<const std::byte> uncheckedSection(std::string_view section) const;
+  /// Where a section starts in the file. Throws as section().
+  std::uint64_t offsetOf(std::string_view section) const;
   /// Checks all pages that were not checked before, and that all padding is zero. Throws
   /// Error(kInput) naming the first bad page and its section.
   void verify() const;
@@ -49,6 +53,7 @@ class Container {
   std::uint64_t pagesChecked() const;
 
  private:
+  const Section& find(std::string_view section) const;
   void readDirectory(std::uint64_t offset, std::uint32_t count);
   void checkPages(std::uint64_t first, std::uint64_t end) const;
   std::string sectionAt(std::uint64_t offset) const;

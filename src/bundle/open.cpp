@@ -11,6 +11,7 @@
 
 #include "src/bundle/arrays.h"
 #include "src/bundle/bundle.h"
+#include "src/bundle/page_file.h"
 #include "src/core/error.h"
 #include "src/core/log.h"
 #include "src/core/memory.h"
@@ -69,9 +70,26 @@ void readImages(const Container& container, bundle::Description& d, std::uint64_
   scene.environment.map = std::move(map);
 }
 
-std::size_t sectionsExpected(const bundle::Description& d) {
-  return 2 + d.sharedMeshes + (d.emitters.empty() ? 0 : 1) + (d.voxelDepth > 0 ? 1 : 0) +
-         d.scene.images.size() + (d.scene.environment.map ? 1 : 0);
+/// The table of a bundle with pages, and where they lie.
+void readPages(const Container& container, const std::shared_ptr<const void>& owner,
+               const BundleReadOptions& options, BundleContents& out) {
+  const Bytes pages = container.uncheckedSection("world.pages");
+  const std::uint64_t start = container.offsetOf("world.pages");
+  try {
+    out.pageTable = hccm::PageTable::fromBytes(container.section("world.table"), pages.size());
+  } catch (const hccm::FormatError& e) {
+    fail(ExitCode::kInput, "{}: world.table: {}; bake again", container.name(), e.what());
+  }
+  if (options.file.empty()) {
+    out.pageFile = std::make_unique<bundle::MemoryPages>(pages, owner, container.name(), start);
+  } else {
+    out.pageFile = std::make_unique<bundle::FilePages>(options.file, start);
+  }
+}
+
+std::size_t sectionsExpected(const bundle::Description& d, bool paged) {
+  return 2 + (paged ? 1 : 0) + d.sharedMeshes + (d.emitters.empty() ? 0 : 1) +
+         (d.voxelDepth > 0 ? 1 : 0) + d.scene.images.size() + (d.scene.environment.map ? 1 : 0);
 }
 
 /// Throws for sources that have changed; says which are gone.
@@ -89,6 +107,16 @@ void checkSources(const fs::path& path, const bundle::Description& d, bool useSt
     }
     logWarning("{}: was baked from {}, which has changed since", path.string(), file.file.path);
   }
+}
+
+PagedSizes sizesOf(const BundleContents& contents) {
+  if (!contents.pageTable) return {};
+  constexpr std::uint64_t kTopLevelBytes = 200;  // a group: Embree's hierarchy, and our table
+  const hccm::PageTable& table = *contents.pageTable;
+  std::uint64_t pages = 0;
+  for (const hccm::PageEntry& p : table.pages) pages += hccm::PageCache::bytesOf(p);
+  return {pages, table.packedBytes(), table.groups.size() * kTopLevelBytes,
+          hccm::PageCache::leastBytes(table)};
 }
 
 /// Says where pictures will differ from those of the source.
@@ -135,13 +163,24 @@ BundleContents readBundle(Bytes bytes, std::shared_ptr<const void> owner, const 
                           const BundleReadOptions& options) {
   const Container container(bytes, name);
   bundle::Description d = bundle::readDescription(container.section("scene.json"), name);
-  if (container.sections().size() != sectionsExpected(d)) {
+  const bool paged = container.has("world.table");
+  if (container.sections().size() != sectionsExpected(d, paged)) {
     fail(ExitCode::kInput, "{}: has {} sections, scene.json speaks of {}; bake again", name,
-         container.sections().size(), sectionsExpected(d));
+         container.sections().size(), sectionsExpected(d, paged));
   }
   const std::size_t materials = d.scene.materials.size();
-  RayScene::Parts parts{
-      d.renderOrigin, readMesh(container, "world.hccm", owner, materials), {}, {}};
+  BundleContents out{
+      {},
+      {d.renderOrigin,
+       paged ? hccm::Mesh::build({}) : readMesh(container, "world.hccm", owner, materials),
+       {},
+       {},
+       nullptr},
+      std::nullopt,
+      std::nullopt,
+      nullptr};
+  if (paged) readPages(container, owner, options, out);
+  RayScene::Parts& parts = out.parts;
   for (std::uint32_t i = 0; i < d.sharedMeshes; ++i) {
     parts.shared.push_back(readMesh(container, fmt::format("mesh-{}.hccm", i), owner, materials));
   }
@@ -150,16 +189,35 @@ BundleContents readBundle(Bytes bytes, std::shared_ptr<const void> owner, const 
     bundle::unpackEmitters(container.section("emitters.bin"), name + ": emitters.bin", d);
   }
   readImages(container, d, options.maxImageBytes);
-  std::optional<asvo::Tree> voxels;
   if (options.voxels && d.voxelDepth > 0) {
     try {
-      voxels = asvo::Tree::fromBytes(container.section("voxels.asvo"));
+      out.voxels = asvo::Tree::fromBytes(container.section("voxels.asvo"));
     } catch (const asvo::FormatError& e) {
       fail(ExitCode::kInput, "{}: voxels.asvo: {}; bake again", name, e.what());
     }
   }
   d.scene.source = name;
-  return {std::move(d), std::move(parts), std::move(voxels)};
+  out.description = std::move(d);
+  return out;
+}
+
+void attachPages(BundleContents& contents, std::uint64_t cacheBytes) {
+  if (!contents.pageTable) return;
+  hccm::PageTable& table = *contents.pageTable;
+  const std::uint64_t least = hccm::PageCache::leastBytes(table);
+  std::uint64_t all = 0;
+  for (const hccm::PageEntry& p : table.pages) all += hccm::PageCache::bytesOf(p);
+  if (cacheBytes == 0 || cacheBytes > all) cacheBytes = std::max(all, least);
+  if (cacheBytes < least) {
+    fail(ExitCode::kMemoryOrDevice,
+         "{}: a cache of {} is smaller than the largest page of {}; make --cache or --max-memory "
+         "larger",
+         contents.description.scene.source, formatBytes(cacheBytes), formatBytes(least));
+  }
+  const auto materials = static_cast<std::uint32_t>(contents.description.scene.materials.size());
+  contents.parts.paged = std::make_unique<hccm::PagedMesh>(
+      std::move(table), std::move(contents.pageFile), cacheBytes, materials);
+  contents.pageTable.reset();
 }
 
 bool isBundlePath(const fs::path& path) { return path.extension() == ".trex"; }
@@ -168,6 +226,7 @@ Model openBundle(const fs::path& path, const OpenOptions& options) {
   const auto bytes = mapFile(path);
   BundleReadOptions read;
   read.voxels = options.model.voxels;
+  read.file = path;
   BundleContents contents = readBundle(*bytes, bytes, path.string(), read);
   checkSources(path, contents.description, options.useStale);
   Scene& scene = contents.description.scene;
@@ -175,10 +234,12 @@ Model openBundle(const fs::path& path, const OpenOptions& options) {
   for (const std::string& w : scene.warnings) logWarning("{}", w);
   noteVoxels(path, contents, options.model);
   scene.files = {examineSource(path)};
+  ModelOptions wanted = options.model;
+  wanted.paged = sizesOf(contents);
+  if (options.prepare) options.prepare(scene, wanted);
+  attachPages(contents, wanted.cacheBytes);
   Model model;
   model.scene = std::move(scene);
-  ModelOptions ignored = options.model;
-  if (options.prepare) options.prepare(model.scene, ignored);
   const double start = now();
   model.rays = std::make_unique<RayScene>(model.scene, std::move(contents.parts));
   model.meshSeconds = now() - start;

@@ -9,68 +9,15 @@
 
 #include "src/bundle/arrays.h"
 #include "src/bundle/bundle.h"
+#include "src/bundle/describe.h"
 #include "src/core/error.h"
 #include "src/core/file.h"
-#include "src/core/version.h"
 
 namespace trex {
 namespace {
 
 namespace fs = std::filesystem;
 using bundle::SectionData;
-
-/// The folder of the model in texts would make bundles depend on where they were baked.
-std::string withoutFolder(std::string text, const std::string& folder) {
-  for (std::size_t at; !folder.empty() && (at = text.find(folder)) != std::string::npos;) {
-    text.erase(at, folder.size());
-  }
-  return text;
-}
-
-bundle::Description describe(const Model& model, const BakeFacts& facts) {
-  const Scene& scene = model.scene;
-  const RayScene::Parts& parts = model.rays->parts();
-  const fs::path input(facts.input);
-  const std::string folder = input.has_parent_path() ? input.parent_path().string() + "/" : "";
-  bundle::Description d;
-  d.scene.lights = scene.lights;
-  d.scene.cameras = scene.cameras;
-  d.scene.environment = scene.environment;
-  d.scene.materials = scene.materials;
-  d.scene.objects = scene.objects;
-  d.scene.instances = scene.instances;
-  d.scene.droppedTriangles = scene.droppedTriangles;
-  for (const std::string& w : scene.warnings) d.scene.warnings.push_back(withoutFolder(w, folder));
-  for (const Image& image : scene.images) {
-    Image size;
-    size.name = withoutFolder(image.name, folder);
-    size.width = image.width, size.height = image.height, size.channels = image.channels;
-    d.scene.images.push_back(std::move(size));
-    d.floatImages.push_back(image.bytes.empty());
-  }
-  for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
-    const Mesh& from = scene.meshes[i];
-    Mesh mesh;
-    mesh.name = from.name;
-    mesh.origin = from.origin;
-    mesh.material = from.material;
-    mesh.sameGeometryAs = from.sameGeometryAs;
-    d.scene.meshes.push_back(std::move(mesh));
-    if (scene.materials[static_cast<std::size_t>(from.material)].emits()) {
-      d.emitters.push_back({i, from.positions.size(), from.triangles.size()});
-    }
-  }
-  d.bakedBy = std::string("trex ") + kVersion;
-  d.input = input.filename().string();
-  d.files = facts.files;
-  d.renderOrigin = parts.renderOrigin;
-  d.sharedMeshes = static_cast<std::uint32_t>(parts.shared.size());
-  d.placed = parts.placed;
-  d.precisionBits = facts.precisionBits;
-  d.voxelDepth = model.voxels ? facts.voxelDepth : 0;
-  d.requirements = facts.requirements;
-  return d;
-}
 
 /// All sections of a file, and the arrays that were made for them.
 class Sections {
@@ -83,7 +30,11 @@ class Sections {
       fail(ExitCode::kInput, "{}: more than {} meshes or images; a bundle can't hold them",
            facts.input, kMost);
     }
-    const bundle::Description description = describe(model, facts);
+    const bundle::Description description =
+        bundle::describe(scene,
+                         {parts.renderOrigin, static_cast<std::uint32_t>(parts.shared.size()),
+                          parts.placed, model.voxels != nullptr},
+                         facts);
     const std::string text = bundle::writeDescription(description);
     const auto bytes = std::as_bytes(std::span(text));
     add("scene.json", {bytes.begin(), bytes.end()});

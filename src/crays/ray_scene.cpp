@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <exception>
 #include <span>
 #include <utility>
 #include <vector>
@@ -44,26 +45,29 @@ struct TraceContext {
   RayHit best;
   const std::uint8_t* hidden;  // by object; null if every object is seen
   const Placement* placements;
+  hccm::PagedMesh::Pin pin;   // the page that was visited last
+  std::exception_ptr failed;  // it can't pass through Embree
 
   TraceContext(const Visibility& visibility, const std::vector<Placement>& placed)
-      : hidden(visibility.hidden.empty() ? nullptr : visibility.hidden.data()),
-        placements(placed.data()) {
+      : hidden(visibility.hiddenObjects()), placements(placed.data()) {
     rtcInitIntersectContext(&embree);
     best.instance = RayScene::kWorldMesh;
     best.cluster = best.triangle = hccm::Hit::kNothing;
   }
-  bool hides(const hccm::Mesh& mesh, std::uint32_t cluster) const {
-    if (hidden == nullptr) return false;
+  /// Whether the placement under way is of a hidden object; clusters of the world see to
+  /// themselves.
+  bool hides() const {
     const std::uint32_t instance = embree.instID[0];
-    return hidden[instance == RayScene::kWorldMesh
-                      ? mesh.clusterObject(cluster)
-                      : static_cast<std::uint32_t>(placements[instance].object)] != 0;
+    return hidden != nullptr && instance != RayScene::kWorldMesh &&
+           hidden[static_cast<std::uint32_t>(placements[instance].object)] != 0;
   }
-  void prepare(const hccm::Mesh& mesh, const RTCRay& ray) {
+  template <typename AnyMesh>
+  void prepare(const AnyMesh& mesh, const RTCRay& ray) {
     const std::uint32_t instance = embree.instID[0];
     if (!isPrepared || preparedFor != instance) {
       prepared = mesh.prepare({vec3(ray.org_x, ray.org_y, ray.org_z), ray.tnear,
                                vec3(ray.dir_x, ray.dir_y, ray.dir_z), ray.tfar});
+      if (instance == RayScene::kWorldMesh) prepared.hidden = hidden;
       preparedFor = instance;
       isPrepared = true;
       far = ray.tfar;
@@ -77,21 +81,17 @@ struct TraceContext {
 void boundsCallback(const RTCBoundsFunctionArguments* args) {
   const auto& mesh = *static_cast<const hccm::Mesh*>(args->geometryUserPtr);
   vec3 lower, upper;
-  mesh.clusterBounds(args->primID, lower, upper);
+  mesh.bounds(lower, upper);
+  const auto margin = static_cast<float>(2.0 * mesh.step());  // see hccmesh.h, "watertight"
+  lower -= margin, upper += margin;
   RTCBounds& b = *args->bounds_o;
   b.lower_x = lower.x, b.lower_y = lower.y, b.lower_z = lower.z;
   b.upper_x = upper.x, b.upper_y = upper.y, b.upper_z = upper.z;
 }
 
-void intersectCallback(const RTCIntersectFunctionNArguments* args) {
-  if (args->N != 1 || args->valid[0] == 0) return;
-  const auto& mesh = *static_cast<const hccm::Mesh*>(args->geometryUserPtr);
-  auto& context = *reinterpret_cast<TraceContext*>(args->context);
-  if (context.hides(mesh, args->primID)) return;
-  auto& rayHit = *reinterpret_cast<RTCRayHit*>(args->rayhit);
-  context.prepare(mesh, rayHit.ray);
-  const std::uint32_t instance = args->context->instID[0];
-  // On equal t the lower (instance, cluster, triangle) wins.
+// What is best so far, as a mesh under `instance` sees it: on equal t the lower (instance, cluster,
+// triangle) wins.
+hccm::Hit bestFor(const TraceContext& context, std::uint32_t instance) {
   hccm::Hit hit;
   if (context.best.instance == instance) {
     hit.cluster = context.best.cluster;
@@ -99,7 +99,13 @@ void intersectCallback(const RTCIntersectFunctionNArguments* args) {
   } else if (instance > context.best.instance) {
     hit.cluster = hit.triangle = 0;
   }
-  if (!mesh.intersect(args->primID, context.prepared, hit)) return;
+  return hit;
+}
+
+void takeHit(const RTCIntersectFunctionNArguments* args, TraceContext& context,
+             const hccm::Hit& hit) {
+  auto& rayHit = *reinterpret_cast<RTCRayHit*>(args->rayhit);
+  const std::uint32_t instance = args->context->instID[0];
   context.best = {hit.t, hit.u, hit.v, instance, hit.cluster, hit.triangle};
   rayHit.ray.tfar = context.far = hit.t;
   rayHit.hit.geomID = args->geomID;
@@ -107,14 +113,77 @@ void intersectCallback(const RTCIntersectFunctionNArguments* args) {
   rayHit.hit.instID[0] = instance;
 }
 
+void intersectCallback(const RTCIntersectFunctionNArguments* args) {
+  if (args->N != 1 || args->valid[0] == 0) return;
+  const auto& mesh = *static_cast<const hccm::Mesh*>(args->geometryUserPtr);
+  auto& context = *reinterpret_cast<TraceContext*>(args->context);
+  if (context.hides()) return;
+  context.prepare(mesh, reinterpret_cast<RTCRayHit*>(args->rayhit)->ray);
+  hccm::Hit hit = bestFor(context, args->context->instID[0]);
+  if (mesh.intersect(context.prepared, hit)) takeHit(args, context, hit);
+}
+
 void occludedCallback(const RTCOccludedFunctionNArguments* args) {
   if (args->N != 1 || args->valid[0] == 0) return;
   const auto& mesh = *static_cast<const hccm::Mesh*>(args->geometryUserPtr);
   auto& context = *reinterpret_cast<TraceContext*>(args->context);
-  if (context.hides(mesh, args->primID)) return;
+  if (context.hides()) return;
   auto& ray = *reinterpret_cast<RTCRay*>(args->ray);
   context.prepare(mesh, ray);
-  if (mesh.occluded(args->primID, context.prepared)) ray.tfar = -kInfinity;
+  if (mesh.occluded(context.prepared)) ray.tfar = -kInfinity;
+}
+
+void groupBoundsCallback(const RTCBoundsFunctionArguments* args) {
+  const auto& mesh = *static_cast<const hccm::PagedMesh*>(args->geometryUserPtr);
+  const hccm::PageGroup& g = mesh.table().groups[args->primID];
+  RTCBounds& b = *args->bounds_o;
+  b.lower_x = g.lower[0], b.lower_y = g.lower[1], b.lower_z = g.lower[2];
+  b.upper_x = g.upper[0], b.upper_y = g.upper[1], b.upper_z = g.upper[2];
+}
+
+void intersectGroupCallback(const RTCIntersectFunctionNArguments* args) {
+  if (args->N != 1 || args->valid[0] == 0) return;
+  const auto& mesh = *static_cast<const hccm::PagedMesh*>(args->geometryUserPtr);
+  auto& context = *reinterpret_cast<TraceContext*>(args->context);
+  RTCRay& ray = reinterpret_cast<RTCRayHit*>(args->rayhit)->ray;
+  if (context.failed) return;
+  context.prepare(mesh, ray);
+  hccm::Hit hit = bestFor(context, args->context->instID[0]);
+  try {
+    if (mesh.intersect(args->primID, context.prepared, hit, context.pin))
+      takeHit(args, context, hit);
+  } catch (...) {
+    context.failed = std::current_exception();
+    ray.tfar = -kInfinity;  // ends the search
+  }
+}
+
+void occludedGroupCallback(const RTCOccludedFunctionNArguments* args) {
+  if (args->N != 1 || args->valid[0] == 0) return;
+  const auto& mesh = *static_cast<const hccm::PagedMesh*>(args->geometryUserPtr);
+  auto& context = *reinterpret_cast<TraceContext*>(args->context);
+  auto& ray = *reinterpret_cast<RTCRay*>(args->ray);
+  context.prepare(mesh, ray);
+  try {
+    if (mesh.occluded(args->primID, context.prepared, context.pin)) ray.tfar = -kInfinity;
+  } catch (...) {
+    context.failed = std::current_exception();
+    ray.tfar = -kInfinity;
+  }
+}
+
+// Errors of pages as errors of the program.
+template <typename Function>
+auto readingPages(const Function& function) {
+  try {
+    return function();
+  } catch (const Error&) {
+    throw;
+  } catch (const std::bad_alloc&) {
+    fail(ExitCode::kMemoryOrDevice, "not enough memory for a page of the mesh");
+  } catch (const std::exception& e) {
+    fail(ExitCode::kInput, "{}", e.what());
+  }
 }
 
 void setRay(RTCRay& ray, const vec3& origin, const vec3& direction, float tnear, float tfar,
@@ -130,6 +199,16 @@ void setRay(RTCRay& ray, const vec3& origin, const vec3& direction, float tnear,
   ray.time = 0.0f;
   ray.mask = 0xffffffffu;
   ray.id = ray.flags = 0;
+}
+
+// The same for a mesh alone.
+hccm::Ray meshRay(const vec3& origin, const vec3& direction, float tnear, float tfar,
+                  double shift) {
+  if (shift != 0.0) {
+    tnear = static_cast<float>(tnear - shift);
+    tfar = static_cast<float>(tfar - shift);
+  }
+  return {origin, std::max(tnear, 0.0f), direction, tfar};
 }
 
 bool countMemory(void* counter, ssize_t bytes, bool) {
@@ -167,15 +246,31 @@ struct Approach {
   }
 };
 
-// Clusters of a mesh as primitives of a scene.
-void attachMesh(RTCDevice device, RTCScene scene, const hccm::Mesh& mesh, unsigned id) {
+// What a mesh is to a scene: one primitive, for it has a hierarchy of its own; of a mesh in pages,
+// one a group.
+struct Primitives {
+  const void* mesh;
+  std::uint32_t count;
+  RTCBoundsFunction bounds;
+  RTCIntersectFunctionN intersect;
+  RTCOccludedFunctionN occluded;
+};
+Primitives primitivesOf(const hccm::Mesh& mesh) {
+  return {&mesh, 1, boundsCallback, intersectCallback, occludedCallback};
+}
+Primitives primitivesOf(const hccm::PagedMesh& mesh) {
+  return {&mesh, mesh.groupCount(), groupBoundsCallback, intersectGroupCallback,
+          occludedGroupCallback};
+}
+
+void attachMesh(RTCDevice device, RTCScene scene, const Primitives& p, unsigned id) {
   const RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
   check(device, "making a geometry");
-  rtcSetGeometryUserPrimitiveCount(geometry, mesh.clusterCount());
-  rtcSetGeometryUserData(geometry, const_cast<hccm::Mesh*>(&mesh));
-  rtcSetGeometryBoundsFunction(geometry, boundsCallback, nullptr);
-  rtcSetGeometryIntersectFunction(geometry, intersectCallback);
-  rtcSetGeometryOccludedFunction(geometry, occludedCallback);
+  rtcSetGeometryUserPrimitiveCount(geometry, p.count);
+  rtcSetGeometryUserData(geometry, const_cast<void*>(p.mesh));
+  rtcSetGeometryBoundsFunction(geometry, p.bounds, nullptr);
+  rtcSetGeometryIntersectFunction(geometry, p.intersect);
+  rtcSetGeometryOccludedFunction(geometry, p.occluded);
   rtcCommitGeometry(geometry);
   rtcAttachGeometryByID(scene, geometry, id);
   rtcReleaseGeometry(geometry);
@@ -206,15 +301,21 @@ struct RayScene::Impl {
   Visibility visibility;
 
   void build(const Scene& scene);
+  /// Nothing but the merged mesh, in memory.
+  bool worldAlone() const { return placements.empty() && !parts.paged; }
+  bool intersectWorld(const vec3& start, const vec3& direction, float tnear, float tfar,
+                      double shift, RayHit& hit) const;
 
  private:
   void place(const Scene& scene);
   void attachInstance(std::size_t id);
   void measure();
+  void measurePages(const hccm::PageTable& table);
 };
 
 void RayScene::Impl::place(const Scene& scene) {
-  Placement::make(dmat4(1.0), parts.world.step(), kNone, worldPlacement);
+  const double step = parts.paged ? parts.paged->step() : parts.world.step();
+  Placement::make(dmat4(1.0), step, kNone, worldPlacement);
   worldPlacement.relativeError = 0x1p-20;  // no matrix between
   for (const Parts::Placed& p : parts.placed) {
     const Instance& instance = scene.instances[p.instance];
@@ -242,22 +343,27 @@ void RayScene::Impl::attachInstance(std::size_t id) {
 
 void RayScene::Impl::build(const Scene& scene) {
   place(scene);
+  measure();
+  if (worldAlone()) return;  // the world's own hierarchy is all there is
   top.device = rtcNewDevice(nullptr);
   if (!top.device) fail(ExitCode::kMemoryOrDevice, "Embree: no device could be made");
   rtcSetDeviceMemoryMonitorFunction(top.device, countMemory, &embreeBytes);
   for (std::size_t i = 0; i < parts.shared.size(); ++i) {
     meshScenes[i].scene = newScene(top.device);
-    attachMesh(top.device, meshScenes[i].scene, parts.shared[i], 0);
+    attachMesh(top.device, meshScenes[i].scene, primitivesOf(parts.shared[i]), 0);
     rtcCommitScene(meshScenes[i].scene);
     check(top.device, "building a hierarchy");
   }
   top.scene = newScene(top.device);
   for (std::size_t i = 0; i < placements.size(); ++i) attachInstance(i);
+  const auto worldId = static_cast<unsigned>(placements.size());
   if (parts.world.clusterCount() > 0)
-    attachMesh(top.device, top.scene, parts.world, static_cast<unsigned>(placements.size()));
+    attachMesh(top.device, top.scene, primitivesOf(parts.world), worldId);
+  if (parts.paged) attachMesh(top.device, top.scene, primitivesOf(*parts.paged), worldId);
   rtcCommitScene(top.scene);
   check(top.device, "building a hierarchy");
-  measure();
+  statistics.topLevelBytes +=
+      static_cast<std::uint64_t>(std::max<std::int64_t>(0, embreeBytes.load()));
 }
 
 void RayScene::Impl::measure() {
@@ -266,6 +372,7 @@ void RayScene::Impl::measure() {
     s.uniqueTriangles += mesh.triangleCount();
     s.clusters += mesh.clusterCount();
     s.meshBytes += mesh.bytes().size();
+    s.topLevelBytes += mesh.topLevelBytes();
   };
   const hccm::Mesh& world = parts.world;
   add(world);
@@ -276,6 +383,7 @@ void RayScene::Impl::measure() {
     world.bounds(lower, upper);
     bounds.extend(Box3f{lower, upper});
   }
+  if (parts.paged) measurePages(parts.paged->table());
   for (std::size_t i = 0; i < placements.size(); ++i) {
     const hccm::Mesh& mesh = parts.shared[parts.placed[i].mesh];
     s.triangles += mesh.triangleCount();
@@ -288,7 +396,32 @@ void RayScene::Impl::measure() {
   }
   if (!bounds.empty()) approach = {dvec3(bounds.centre()), 0.5 * glm::length(dvec3(bounds.size()))};
   s.instances = placements.size();
-  s.topLevelBytes = static_cast<std::uint64_t>(std::max<std::int64_t>(0, embreeBytes.load()));
+}
+
+bool RayScene::Impl::intersectWorld(const vec3& start, const vec3& direction, float tnear,
+                                    float tfar, double shift, RayHit& hit) const {
+  hccm::PreparedRay ray = parts.world.prepare(meshRay(start, direction, tnear, tfar, shift));
+  ray.hidden = visibility.hiddenObjects();
+  hccm::Hit h;
+  if (!parts.world.intersect(ray, h)) return false;
+  hit = {h.t, h.u, h.v, kWorldMesh, h.cluster, h.triangle};
+  if (shift != 0.0) hit.t = static_cast<float>(hit.t + shift);
+  return true;
+}
+
+void RayScene::Impl::measurePages(const hccm::PageTable& table) {
+  Statistics& s = statistics;
+  s.triangles = s.uniqueTriangles = table.triangles;
+  s.clusters = table.clusters();
+  s.pages = table.pages.size();
+  s.packedBytes = table.packedBytes();
+  s.meshBytes = table.bytes();
+  s.cacheBytes = parts.paged->cacheBytes();
+  // The table's box is that of clusters: two cells wider than the vertices.
+  const auto margin = static_cast<float>(2.0 * parts.paged->step());
+  const auto corner = [](const float* p) { return vec3(p[0], p[1], p[2]); };
+  if (table.triangles > 0)
+    bounds.extend(Box3f{corner(table.lower) + margin, corner(table.upper) - margin});
 }
 
 RayScene::RayScene(const Scene& scene, Parts parts)
@@ -301,15 +434,17 @@ RayScene::~RayScene() = default;
 
 bool RayScene::intersect(const vec3& origin, const vec3& direction, float tnear, float tfar,
                          RayHit& hit) const {
-  TraceContext context(impl_->visibility, impl_->placements);
-  RTCRayHit rayHit;
   vec3 start = origin;
   double shift;
   if (!impl_->visibility.clip(origin, direction, tnear, tfar)) return false;
   if (!impl_->approach.bring(start, direction, shift)) return false;
+  if (impl_->worldAlone()) return impl_->intersectWorld(start, direction, tnear, tfar, shift, hit);
+  TraceContext context(impl_->visibility, impl_->placements);
+  RTCRayHit rayHit;
   setRay(rayHit.ray, start, direction, tnear, tfar, shift);
   rayHit.hit.geomID = rayHit.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
   rtcIntersect1(impl_->top.scene, &context.embree, &rayHit);
+  if (context.failed) readingPages([&] { std::rethrow_exception(context.failed); });
   if (context.best.cluster == hccm::Hit::kNothing) return false;
   hit = context.best;
   if (shift != 0.0) hit.t = static_cast<float>(hit.t + shift);
@@ -317,19 +452,31 @@ bool RayScene::intersect(const vec3& origin, const vec3& direction, float tnear,
 }
 
 bool RayScene::occluded(const vec3& origin, const vec3& direction, float tnear, float tfar) const {
-  TraceContext context(impl_->visibility, impl_->placements);
-  RTCRay ray;
   vec3 start = origin;
   double shift;
   if (!impl_->visibility.clip(origin, direction, tnear, tfar)) return false;
   if (!impl_->approach.bring(start, direction, shift)) return false;
+  if (impl_->worldAlone()) {
+    const hccm::Mesh& world = impl_->parts.world;
+    hccm::PreparedRay ray = world.prepare(meshRay(start, direction, tnear, tfar, shift));
+    ray.hidden = impl_->visibility.hiddenObjects();
+    return world.occluded(ray);
+  }
+  TraceContext context(impl_->visibility, impl_->placements);
+  RTCRay ray;
   setRay(ray, start, direction, tnear, tfar, shift);
   if (!(ray.tfar >= 0.0f)) return false;
   rtcOccluded1(impl_->top.scene, &context.embree, &ray);
+  if (context.failed) readingPages([&] { std::rethrow_exception(context.failed); });
   return ray.tfar < 0.0f;
 }
 
 Surface RayScene::surface(const RayHit& hit) const {
+  if (hit.instance == kWorldMesh && impl_->parts.paged) {
+    const hccm::Triangle triangle =
+        readingPages([&] { return impl_->parts.paged->triangle(hit.cluster, hit.triangle); });
+    return makeSurface(triangle, impl_->worldPlacement, hit.u, hit.v);
+  }
   if (hit.instance == kWorldMesh)
     return makeSurface(impl_->parts.world.triangle(hit.cluster, hit.triangle),
                        impl_->worldPlacement, hit.u, hit.v);
@@ -341,6 +488,10 @@ Surface RayScene::surface(const RayHit& hit) const {
 dvec3 RayScene::renderOrigin() const { return impl_->parts.renderOrigin; }
 Box3f RayScene::bounds() const { return impl_->bounds; }
 RayScene::Statistics RayScene::statistics() const { return impl_->statistics; }
+hccm::PageCache::Statistics RayScene::pageStatistics() const {
+  if (!impl_->parts.paged) return {};
+  return impl_->parts.paged->statistics();
+}
 const RayScene::Parts& RayScene::parts() const { return impl_->parts; }
 void RayScene::setVisibility(const Visibility& visibility) { impl_->visibility = visibility; }
 const Visibility& RayScene::visibility() const { return impl_->visibility; }

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "hccmesh/hccmesh.h"
+#include "hccmesh/page_cache.h"
 #include "src/crays/visibility.h"
 #include "src/scene/scene.h"
 
@@ -52,7 +53,8 @@ class RayScene {
   struct Statistics {
     std::uint64_t triangles = 0, uniqueTriangles = 0, clusters = 0, instances = 0;
     std::uint64_t meshBytes = 0,
-                  topLevelBytes = 0;  ///< HCCMesh buffers; Embree's own (its memory monitor)
+                  topLevelBytes = 0;  ///< HCCMesh buffers; hierarchies above clusters
+    std::uint64_t pages = 0, packedBytes = 0, cacheBytes = 0;  ///< of a paged mesh; limit
   };
 
   /// The meshes that rays meet and where they stand: all that is costly to make of a scene.
@@ -66,6 +68,8 @@ class RayScene {
     hccm::Mesh world;                ///< the merged meshes, in render space
     std::vector<hccm::Mesh> shared;  ///< those that are placed several times, in their own space
     std::vector<Placed> placed;      ///< by the instance id of hits
+    /// Instead of `world`, which is empty then: a mesh of pages on disk, in render space.
+    std::unique_ptr<hccm::PagedMesh> paged;
   };
 
   /// Compresses the meshes of a scene. Throws Error(kInput) for a mesh that can't be compressed.
@@ -84,6 +88,7 @@ class RayScene {
 
   /// Nearest hit in [tnear, tfar]; direction unit length, everything finite but tfar. A negative
   /// tnear counts as 0. On equal t the lower (instance, cluster, triangle) wins. Thread safe.
+  /// This and the next two throw Error(kInput) if a page of a paged mesh can't be read.
   bool intersect(const vec3& origin, const vec3& direction, float tnear, float tfar,
                  RayHit& hit) const;
   /// Whether anything lies in [tnear, tfar]. Thread safe.
@@ -94,6 +99,8 @@ class RayScene {
   dvec3 renderOrigin() const;
   Box3f bounds() const;  ///< render space
   Statistics statistics() const;
+  /// What the pages did so far; all zero without a paged mesh.
+  hccm::PageCache::Statistics pageStatistics() const;
   const Parts& parts() const;
 
   /// What rays see from now on. Not to be called while rays are traced. bounds() stays that of all.

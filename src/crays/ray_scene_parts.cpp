@@ -114,7 +114,7 @@ RayScene::Parts PartsBuilder::build() {
   worldOptions.precisionBits = options_.precisionBits;
   worldOptions.chooseOrigin = false;  // parts come in render space
   return {renderOrigin_, hccm::Mesh::build(worldParts_, worldOptions), std::move(shared_),
-          std::move(placed_)};
+          std::move(placed_), nullptr};
 }
 
 }  // namespace

@@ -30,6 +30,8 @@ struct Visibility {
   }
   bool operator==(const Visibility&) const = default;
 
+  /// By object, or null if none is hidden.
+  const std::uint8_t* hiddenObjects() const { return hidden.empty() ? nullptr : hidden.data(); }
   bool all() const { return hidden.empty() && !cut; }
   bool shows(std::uint32_t object) const { return object >= hidden.size() || hidden[object] == 0; }
   bool keeps(const vec3& point) const { return !cut || glm::dot(normal, point) <= offset; }

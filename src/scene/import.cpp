@@ -10,6 +10,7 @@
 
 #include "src/core/log.h"
 #include "src/scene/import_detail.h"
+#include "src/scene/synth.h"
 
 namespace trex {
 namespace detail {
@@ -78,6 +79,7 @@ Scene readByExtension(const std::filesystem::path& path, const ImportOptions& op
 }  // namespace
 
 Scene importScene(const std::filesystem::path& path, const ImportOptions& options) {
+  if (isSynthName(path.string())) return makeSynth(path.string());
   checkReadable(path);
   Scene scene;
   const SourceFile model = examineSource(path);

@@ -26,11 +26,11 @@ struct ImportOptions {
   bool environmentGiven = false;  ///< the caller sets Scene::environment itself: no default sky
 };
 
-/// Reads a model by its extension. Throws Error(kInput) that names the file, what is wrong in it
-/// and where. Triangles with a non-finite vertex are dropped and counted; a scene without any
-/// triangle is an error, as is one that reaches beyond 1e18 m. A model with no light gets a soft
-/// sky, one with no camera a framing camera; both are said in Scene::warnings. Each warning is also
-/// logged once. Thread safe.
+/// Reads a model by its extension, or makes it if the path is a synth: name (synth.h). Throws
+/// Error(kInput) that names the file, what is wrong in it and where. Triangles with a non-finite
+/// vertex are dropped and counted; a scene without any triangle is an error, as is one that reaches
+/// beyond 1e18 m. A model with no light gets a soft sky, one with no camera a framing camera; both
+/// are said in Scene::warnings. Each warning is also logged once. Thread safe.
 Scene importScene(const std::filesystem::path& path, const ImportOptions& options = {});
 
 /// Size and time of a file. Throws Error(kInput) if it can't be examined.

@@ -8,6 +8,7 @@
 
 #include "src/core/error.h"
 #include "src/scene/import.h"
+#include "src/scene/triangle_stream.h"
 
 namespace trex::detail {
 
@@ -17,6 +18,11 @@ inline constexpr std::uint64_t kMaxElements = 0xfffffff0u;
 Scene readGltf(const std::filesystem::path& path, const ImportOptions& options);
 Scene readPly(const std::filesystem::path& path);
 Scene readObj(const std::filesystem::path& path, const ImportOptions& options);
+
+/// A binary PLY file of bare positions as a stream that maps it; null for other files. Throws
+/// Error(kInput) if it is cut off.
+std::unique_ptr<TriangleStream> openPlyStream(const std::filesystem::path& path,
+                                              const ImportOptions& options);
 
 /// Adds a file that is about to be read to Scene::files, once. One that is not there is left to
 /// the reader to complain about.

@@ -12,6 +12,16 @@ namespace {
 
 constexpr int kEvery = -1;  // a mesh whose clusters name their objects themselves
 
+/// The index, as in hits, of triangle number `number` of a cluster.
+std::uint32_t indexOf(const hccm::Mesh& mesh, std::uint32_t cluster, std::uint32_t number) {
+  std::uint32_t leaf = 0;
+  for (;; ++leaf) {
+    const std::uint32_t count = mesh.leafTriangleCount(cluster, leaf);
+    if (number < count) return 8 * leaf + number;
+    number -= count;
+  }
+}
+
 /// What the plane leaves of a triangle: up to four corners.
 int cutTriangle(const Visibility& v, const vec3 (&p)[3], std::array<vec3, 4>& out) {
   int count = 0;
@@ -79,7 +89,7 @@ void MeshVoxelSource::whole(std::uint64_t i, vec3 (&position)[3], hccm::Triangle
   std::uint32_t number = 0;
   const Run& run = find(i, number);
   const Place& place = places_[run.place];
-  source = place.mesh->triangle(run.cluster, number);
+  source = place.mesh->triangle(run.cluster, indexOf(*place.mesh, run.cluster, number));
   for (int k = 0; k < 3; ++k) {
     position[k] = vec3(place.toRender * glm::dvec4(dvec3(source.position[k]), 1.0));
   }

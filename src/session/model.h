@@ -19,12 +19,22 @@ struct Model {
   double meshSeconds = 0.0, voxelSeconds = 0.0;
 };
 
+/// Of a mesh in pages on disk, bytes; all zero for a mesh in memory.
+struct PagedSizes {
+  std::uint64_t pages = 0;     ///< of all pages in memory
+  std::uint64_t disk = 0;      ///< of all pages in their file
+  std::uint64_t topLevel = 0;  ///< hierarchy over the pages, about
+  std::uint64_t largest = 0;   ///< page
+};
+
 struct ModelOptions {
   bool voxels = true;            ///< build them if anything shines
   bool voxelsInTheDark = false;  ///< build them even if nothing does: edits may bring light
   int voxelDepth = 8;            ///< levels below the root
   std::uint64_t voxelBytes = 0;  ///< limit of their arrays with light; 0: none
   int precisionBits = 24;        ///< grid cells along a mesh's largest extent: 2^bits, 8..24
+  std::uint64_t cacheBytes = 0;  ///< limit of pages in memory; 0: all of them
+  PagedSizes paged;              ///< set by who opens a bundle, before it asks for the others
 };
 
 /// Builds what the scene and the options require. Throws Error. Uses the calling oneTBB arena.

@@ -6,6 +6,17 @@
 namespace trex {
 namespace {
 
+/// Indices of a cluster's triangles, as in hits.
+std::vector<std::uint32_t> trianglesOf(const hccm::Mesh& mesh, std::uint32_t cluster) {
+  std::vector<std::uint32_t> out;
+  for (std::uint32_t leaf = 0; leaf < mesh.clusterLeafCount(cluster); ++leaf) {
+    for (std::uint32_t i = 0; i < mesh.leafTriangleCount(cluster, leaf); ++i) {
+      out.push_back(8 * leaf + i);
+    }
+  }
+  return out;
+}
+
 /// Meshes whose arrays an edited emission needs again, decoded from the compressed ones: one for
 /// each object of the merged mesh, in render space, and each placement of the others.
 class EmitterDecoder {
@@ -46,7 +57,7 @@ class EmitterDecoder {
     mesh.origin = origin_;
     mesh.material = static_cast<int>(material_);
     const bool mirrored = glm::determinant(glm::dmat3(toRender)) < 0.0;
-    for (std::uint32_t t = 0; t < source.clusterTriangleCount(cluster); ++t) {
+    for (const std::uint32_t t : trianglesOf(source, cluster)) {
       const hccm::Triangle triangle = source.triangle(cluster, t);
       const auto first = static_cast<std::uint32_t>(mesh.positions.size());
       for (const vec3& p : triangle.position) {

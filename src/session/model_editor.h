@@ -38,7 +38,10 @@ class ModelEditor {
   void setSourceVoxels(std::shared_ptr<asvo::Tree> tree);
   bool hasSourceVoxels() const { return sourceValues_ != nullptr; }
   /// Whether Model::voxels are of another shape than the look asks for.
-  bool voxelsOutdated() const { return hasSourceVoxels() && !(shapeOf(look_) == shape_); }
+  /// Never of a mesh in pages: its voxels keep what is hidden, and cached light with them.
+  bool voxelsOutdated() const {
+    return hasSourceVoxels() && !model_->rays->parts().paged && !(shapeOf(look_) == shape_);
+  }
   /// What decides which voxels there are.
   struct Shape {
     Visibility visibility;

@@ -10,6 +10,7 @@
 #include "src/frame/denoise.h"
 #include "src/frame/features.h"
 #include "src/scene/import.h"
+#include "src/scene/synth.h"
 
 namespace trex {
 namespace {
@@ -63,11 +64,24 @@ void refuse(const Preflight& p, const RenderSettings& settings) {
        settings.device == RenderSettings::kNoDevice ? "a smaller model" : "--device none");
 }
 
+/// Of a generated model's arrays, before they are made.
+void checkSynthFits(const std::string& name, const RenderSettings& settings) {
+  constexpr std::uint64_t kBytesATriangle = 48;
+  const std::uint64_t triangles = parseSynthName(name).triangles, allowed = allowedBytes(settings);
+  const std::uint64_t least = triangles * (kBytesATriangle + kBuildBytesATriangle);
+  if (triangles <= kMostSynthInMemory && residentBytes() + least <= allowed) return;
+  fail(ExitCode::kMemoryOrDevice,
+       "{}: {} triangles need about {} of memory as they are, allowed are {}; trex bake '{}' -o "
+       "X.trex, and render that",
+       name, triangles, formatBytes(least), formatBytes(allowed), name);
+}
+
 }  // namespace
 
 void checkSourceFits(const std::filesystem::path& source, const RenderSettings& settings) {
   std::error_code problem;
   const std::uint64_t size = std::filesystem::file_size(source, problem);
+  if (problem && isSynthName(source.string())) return checkSynthFits(source.string(), settings);
   if (problem) return;  // the importer says what is wrong
   std::string extension = source.extension().string();
   for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
@@ -83,7 +97,7 @@ void checkSourceFits(const std::filesystem::path& source, const RenderSettings& 
 }
 
 Preflight preflight(const Scene& scene, const RenderSettings& settings, const PictureLayers& layers,
-                    std::uint64_t bakedBytes) {
+                    std::uint64_t bakedBytes, std::uint64_t topLevelBytes) {
   Preflight p;
   p.allowed = allowedBytes(settings);
   const auto phase = [&p](const char* name, std::uint64_t bytes) {
@@ -105,7 +119,7 @@ Preflight preflight(const Scene& scene, const RenderSettings& settings, const Pi
   // A bundle is resident by now; its voxels go to the device once more, with light and flux.
   const std::uint64_t voxelBytes =
       bakedBytes > 0 ? 2 * bakedBytes : kFewestVoxelBytes * kVoxelCopies;
-  phase("rendering", here - std::min(here, sourceBytes(scene) / 2) + meshes +
+  phase("rendering", here - std::min(here, sourceBytes(scene) / 2) + meshes + topLevelBytes +
                          (device ? kDeviceBytes : 0) + (voxels ? voxelBytes : 0) +
                          frameBytes(settings, layers));
   logVerbose("memory: {:>10} allowed", formatBytes(p.allowed));

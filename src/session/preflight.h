@@ -29,8 +29,9 @@ void checkSourceFits(const std::filesystem::path& source, const RenderSettings& 
 
 /// Estimates from an imported scene, whose own bytes are measured. Logs the table (kVerbose).
 /// Throws Error(kMemoryOrDevice), with the table in the log, if it does not fit.
-/// `bakedBytes`: size of the bundle that the scene is from, 0 if it is imported.
+/// `bakedBytes`: size of the bundle that the scene is from, 0 if it is imported; without pages on
+/// disk, whose hierarchy takes `topLevelBytes`.
 Preflight preflight(const Scene& scene, const RenderSettings& settings, const PictureLayers& layers,
-                    std::uint64_t bakedBytes = 0);
+                    std::uint64_t bakedBytes = 0, std::uint64_t topLevelBytes = 0);
 
 }  // namespace trex

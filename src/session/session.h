@@ -51,6 +51,7 @@ struct SessionReport {
   std::uint64_t photons = 0, photonsLanded = 0, nonFinite = 0;
   RayCounts rays;
   RayScene::Statistics mesh;
+  hccm::PageCache::Statistics pages;  ///< of a mesh in pages
   std::uint64_t voxels = 0, leaves = 0, voxelBytes = 0;
   int voxelDepth = 0;
   double lightScale = 1.0;

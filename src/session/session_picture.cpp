@@ -76,6 +76,7 @@ void Session::addLayers(std::uint32_t x, std::uint32_t y, std::vector<float>& va
 
 SessionReport Session::report() const {
   SessionReport out = report_;
+  out.pages = model_->rays->pageStatistics();
   out.samplesDone = samplesDone();
   if (const LightSide* side = nextLight(); side != nullptr && side->pass) {
     out.photons = side->pass->emitted();

@@ -241,7 +241,7 @@ void Viewer::Impl::applyLook() {
   const Invalidation what = editor->apply(look);
   Invalidation all = what;
   all.frame |= moved;
-  if (what.voxelShape && editor->hasSourceVoxels()) {
+  if (what.voxelShape && editor->voxelsOutdated()) {
     session->voxelsAreComing();
     wantVoxels = true;
   }

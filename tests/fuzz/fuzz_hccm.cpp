@@ -32,9 +32,16 @@ void traceAll(const hccm::Mesh& mesh) {
       const bool nearer = mesh.intersect(c, ray, hit);
       require(first ? nearer == shadowed : !nearer || shadowed);
     }
+    hccm::PreparedRay again = mesh.prepare({from, 0.0f, to - from, i % 2 ? 1.0f : INFINITY});
+    hccm::Hit top;
+    require(mesh.occluded(again) == (hit.cluster != hccm::Hit::kNothing));
+    require(mesh.intersect(again, top) == (hit.cluster != hccm::Hit::kNothing));
+    require(top.cluster == hit.cluster && top.triangle == hit.triangle);
     if (hit.cluster == hccm::Hit::kNothing) continue;
     require(hit.cluster < mesh.clusterCount());
-    require(hit.triangle < mesh.clusterTriangleCount(hit.cluster));
+    const std::uint32_t leaf = hit.triangle / 8, place = hit.triangle % 8;
+    require(leaf < mesh.clusterLeafCount(hit.cluster));
+    require(place < mesh.leafTriangleCount(hit.cluster, leaf));
   }
 }
 
@@ -43,11 +50,10 @@ void decodeAll(const hccm::Mesh& mesh) {
   for (std::uint32_t c = 0; c < mesh.clusterCount(); ++c) {
     glm::vec3 lower, upper;
     mesh.clusterBounds(c, lower, upper);
-    for (std::uint32_t i = 0; i < mesh.clusterTriangleCount(c); ++i, ++triangles) {
-      for (const glm::vec3& p : mesh.triangle(c, i).position) {
-        require(glm::all(glm::lessThanEqual(lower, p)) && glm::all(glm::lessThanEqual(p, upper)));
-      }
-    }
+    for (std::uint32_t leaf = 0; leaf < mesh.clusterLeafCount(c); ++leaf)
+      for (std::uint32_t i = 0; i < mesh.leafTriangleCount(c, leaf); ++i, ++triangles)
+        for (const glm::vec3& p : mesh.triangle(c, 8 * leaf + i).position)
+          require(glm::all(glm::lessThanEqual(lower, p)) && glm::all(glm::lessThanEqual(p, upper)));
   }
   require(triangles == mesh.triangleCount() && mesh.sizes().total() == mesh.bytes().size());
 }

@@ -1,5 +1,6 @@
-// Writes small valid .hccm and .asvo files, where the fuzzing of those formats starts.
+// Writes small valid .hccm and .asvo files and pages, where the fuzzing of those formats starts.
 // Usage: fuzz_seeds FOLDER
+#include <algorithm>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
@@ -9,8 +10,11 @@
 #include "asvo/asvo.h"
 #include "hccmesh/hccmesh.h"
 #include "hccmesh/layout.h"
+#include "hccmesh/pack.h"
 #include "hccmesh/validate.h"
+#include "tests/fuzz/plain_page.h"
 #include "tests/unit/asvo_shapes.h"
+#include "tests/unit/stream_meshes.h"
 
 namespace {
 
@@ -29,23 +33,26 @@ std::vector<std::byte> loosened(std::vector<std::byte> bytes) {
   for (std::uint32_t c = 0; c < header.clusterCount; ++c) {
     std::uint32_t start;
     std::memcpy(&start, bytes.data() + sizeof(header) + 4 * c, 4);
-    std::byte* blob = bytes.data() + 4ull * start;
+    std::byte* blob = bytes.data() + (std::uint64_t(start) << layout::kTableShift);
     layout::ClusterHeader cluster;
     std::memcpy(&cluster, blob, sizeof(cluster));
-    for (std::uint32_t leaf = 0; cluster.leafCount > 1 && leaf < cluster.leafCount; ++leaf) {
-      std::byte* group = blob + sizeof(cluster) + leaf / 8 * layout::kGroupBytes + leaf % 8;
-      for (int axis = 0; axis < 3; ++axis) {
-        group[16 * axis] = std::byte{0};
-        group[16 * axis + 8] = std::byte{255};
-      }
-    }
+    std::byte* plane = blob + sizeof(cluster);
+    for (int i = 0; cluster.leafCount > 1 && i < 6; ++i, plane += cluster.leafCount)
+      std::fill_n(plane, cluster.leafCount, std::byte(i % 2 == 0 ? 0 : 255));
   }
   const std::uint64_t hash = hccm::checksumOf(bytes);
   std::memcpy(bytes.data() + offsetof(layout::Header, checksum), &hash, sizeof(hash));
   return bytes;
 }
 
-void writeMeshes(const fs::path& folder) {
+/// What fuzz_pack takes: a page's first 12 bytes, then each stream as its size and plain bytes.
+std::vector<std::byte> plainPage(const hccm::Mesh& mesh) {
+  std::vector<std::span<const std::byte>> blobs;
+  for (std::uint32_t c = 0; c < mesh.clusterCount(); ++c) blobs.push_back(mesh.clusterBytes(c));
+  return trex::fuzz::plainPageOf(hccm::packClusters(blobs));
+}
+
+void writeMeshes(const fs::path& folder, const fs::path& pages) {
   for (const int rings : {0, 1, 2, 6, 12}) {
     for (const bool attributes : {false, true}) {
       asvo_shapes::Shape shape;
@@ -73,6 +80,25 @@ void writeMeshes(const fs::path& folder) {
       const std::string name = std::to_string(rings) + (attributes ? "-attributes" : "");
       write(folder / (name + ".hccm"), bytes);
       write(folder / (name + "-loose.hccm"), loosened(bytes));
+      write(pages / name, plainPage(mesh));
+    }
+  }
+}
+
+/// A table's length, the table, its pages: as fuzz_pages reads them.
+void writePages(const fs::path& folder) {
+  using namespace hccm::test;
+  for (const int side : {1, 5, 40}) {
+    for (const bool attributes : {false, true}) {
+      const hccm::test::Soup soup = attributes ? randomSoup(side * 20, 1.0f, 1) : sheet(side);
+      const Streamed s = hccm::test::stream(soup, 3);
+      const std::vector<std::byte> table = s.table.toBytes();
+      const auto length = static_cast<std::uint32_t>(table.size());
+      std::vector<std::byte> bytes(sizeof(length));
+      std::memcpy(bytes.data(), &length, sizeof(length));
+      bytes.insert(bytes.end(), table.begin(), table.end());
+      bytes.insert(bytes.end(), s.pages->bytes.begin(), s.pages->bytes.end());
+      write(folder / (std::to_string(side) + (attributes ? "-attributes.pages" : ".pages")), bytes);
     }
   }
 }
@@ -102,6 +128,9 @@ int main(int argc, char** argv) {
   const fs::path folder = argv[1];
   fs::create_directories(folder / "hccm");
   fs::create_directories(folder / "asvo");
-  writeMeshes(folder / "hccm");
+  fs::create_directories(folder / "pages");
+  fs::create_directories(folder / "pack");
+  writeMeshes(folder / "hccm", folder / "pack");
   writeTrees(folder / "asvo");
+  writePages(folder / "pages");
 }

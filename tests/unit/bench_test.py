@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""`trex bench tradeoff` on a tiny scene: the document's keys, the page, the charts, wrong uses."""
+"""`trex bench`: documents' keys, the page and the charts of tradeoff, wrong uses."""
 import argparse, html.parser, json, os, shutil, subprocess, sys, tempfile, unittest
 import xml.etree.ElementTree
 
@@ -128,6 +128,33 @@ class BenchTest(unittest.TestCase):
         self.assertEqual(result.returncode, 0, result.stderr)
         self.check_page(page, 8)
         self.check_chart(os.path.join(charts, "cornell-relmse.svg"), 4)
+
+    def test_hccmesh(self):
+        path = os.path.join(self.folder, "hccmesh.json")
+        result = run("bench", "hccmesh", self.cornell, "--rays", 4096, "--runs", 1, "--json", path)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn("Embree compact", result.stdout)
+        with open(path) as f:
+            d = json.load(f)
+        self.assertEqual((d["bench"], d["input"]), ("hccmesh", self.cornell))
+        self.assertGreater(d["triangles"], 0)
+        parts = d["bytes_per_triangle_by_part"]
+        self.assertAlmostEqual(sum(parts.values()), d["bytes_per_triangle"], places=6)
+        self.assertGreater(d["disk_bytes_per_triangle"], 0)
+        self.assertGreater(d["embree_bytes_per_triangle"], 0)
+        self.assertGreater(d["embree_compact_bytes_per_triangle"], 0)
+        for kind in ("coherent", "diffuse", "shadow"):
+            self.assertEqual(set(d["rays_per_second"][kind]), {"hccmesh", "embree", "embree_compact"})
+            self.assertTrue(all(v > 0 for v in d["rays_per_second"][kind].values()))
+            self.assertGreater(d["rays"][kind], 0)
+        for name in ("embree", "embree_compact"):  # the same rays hit, but for rounding at edges
+            self.assertLess(d["different_hits"]["coherent"][name], 8)
+        alone = run("bench", "hccmesh", self.cornell, "--rays", 1024, "--runs", 1, "--no-embree", "--json", "-")
+        self.assertEqual(alone.returncode, 0, alone.stderr)
+        self.assertNotIn("embree_bytes_per_triangle", json.loads(alone.stdout))
+        coarse = run("bench", "hccmesh", self.cornell, "--precision", 25)
+        self.assertEqual(coarse.returncode, 2)
+        self.assertEqual(run("bench", "hccmesh", os.path.join(self.folder, "none.glb")).returncode, 3)
 
     def test_wrong_uses(self):
         reference = os.path.join(self.folder, "reference.exr")

@@ -1,6 +1,8 @@
 add_executable(hccmesh_test
   ${CMAKE_CURRENT_LIST_DIR}/hccmesh_test.cpp
+  ${CMAKE_CURRENT_LIST_DIR}/hccmesh_extremes_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/hccmesh_format_test.cpp
+  ${CMAKE_CURRENT_LIST_DIR}/hccmesh_pack_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/hccmesh_trace_test.cpp)
 target_link_libraries(hccmesh_test PRIVATE hccmesh GTest::gtest_main)
 find_path(XXHASH_INCLUDE_DIR xxhash.h REQUIRED)
@@ -10,3 +12,8 @@ gtest_discover_tests(hccmesh_test DISCOVERY_TIMEOUT 60)
 add_executable(ray_scene_test ${CMAKE_CURRENT_LIST_DIR}/ray_scene_test.cpp)
 target_link_libraries(ray_scene_test PRIVATE trex_rays GTest::gtest_main)
 gtest_discover_tests(ray_scene_test DISCOVERY_TIMEOUT 60)
+
+add_executable(pages_test ${CMAKE_CURRENT_LIST_DIR}/stream_build_test.cpp
+  ${CMAKE_CURRENT_LIST_DIR}/page_cache_test.cpp)
+target_link_libraries(pages_test PRIVATE hccmesh GTest::gtest_main)
+gtest_discover_tests(pages_test DISCOVERY_TIMEOUT 60)

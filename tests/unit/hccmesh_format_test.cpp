@@ -29,9 +29,13 @@ void expectEqual(const Mesh& mesh, const naive::File& file) {
   for (std::uint32_t c = 0; c < mesh.clusterCount(); ++c) {
     const naive::Cluster& n = file.clusters[c];
     ASSERT_EQ(n.corners.size(), 3u * mesh.clusterTriangleCount(c));
+    ASSERT_EQ(n.leaves.size(), mesh.clusterLeafCount(c));
     EXPECT_EQ(n.material, mesh.clusterMaterial(c));
+    std::vector<std::uint32_t> numbers;
+    forEachTriangle(mesh, c, [&](std::uint32_t number) { numbers.push_back(number); });
+    ASSERT_EQ(3u * numbers.size(), n.corners.size());
     for (std::uint32_t i = 0; i < n.corners.size(); ++i) {
-      const Triangle t = mesh.triangle(c, i / 3);
+      const Triangle t = mesh.triangle(c, numbers[i / 3]);
       const naive::Vertex& v = n.vertices.at(n.corners[i]);
       for (int k = 0; k < 3; ++k) {
         EXPECT_EQ(double(t.position[i % 3][k]), double(v.grid[k]) * file.step);
@@ -72,7 +76,7 @@ Mesh smallMesh() {
 // Traces and decodes everything: sanitizers watch.
 void useAll(const Mesh& mesh) {
   for (std::uint32_t c = 0; c < mesh.clusterCount(); ++c) {
-    for (std::uint32_t t = 0; t < mesh.clusterTriangleCount(c); ++t) mesh.triangle(c, t);
+    forEachTriangle(mesh, c, [&](std::uint32_t t) { mesh.triangle(c, t); });
     PreparedRay ray =
         mesh.prepare({glm::vec3(0.01f, 0.02f, 9.0f), 0.0f, glm::vec3(0, 0, -1), 1e30f});
     Hit hit;
@@ -92,13 +96,13 @@ TEST(HccMeshFormat, NaiveDecoderReadsTheSame) {
   expectEqual(wide, naive::readFile(wide.bytes()));
 }
 
-TEST(HccMeshFormat, HeaderOfVersionOne) {
+TEST(HccMeshFormat, HeaderOfVersionTwo) {
   const std::vector<std::byte> b = bytesOf(smallMesh());
-  EXPECT_EQ(std::memcmp(b.data(), "HCCM\1\0\0\0", 8), 0);
+  EXPECT_EQ(std::memcmp(b.data(), "HCCM\2\0\0\0", 8), 0);
   const naive::Reader r(b);
   EXPECT_EQ(r.u64(8), b.size());
   EXPECT_EQ(r.u64(56), 18u);
-  EXPECT_EQ(r.u32(112) * 4u, 112u + 4u * r.u32(76));
+  EXPECT_EQ(r.u32(112) * 16u, (112u + 4u * r.u32(76) + 15u) / 16u * 16u);
 }
 
 TEST(HccMeshFormat, FromBytesGivesTheSameMesh) {
@@ -160,26 +164,30 @@ TEST(HccMeshFormat, DamageWithARightChecksumIsRefusedOrHarmless) {
 
 TEST(HccMeshFormat, FieldsOutOfRangeAreRefused) {
   const std::vector<std::byte> good = bytesOf(smallMesh());
-  const std::size_t cluster = 4u * naive::Reader(good).u32(112);
+  const std::size_t cluster = 16u * naive::Reader(good).u32(112);
   const auto refused = [&](std::size_t at, int value) {
     std::vector<std::byte> b = good;
+    ASSERT_NE(b[at], static_cast<std::byte>(value)) << "byte " << at;
     b[at] = static_cast<std::byte>(value);
     sign(b);
     EXPECT_THROW(Mesh::fromBytes(b), FormatError) << "byte " << at;
   };
-  refused(4, 2);     // version
+  refused(4, 1);     // version
   refused(76, 255);  // clusters
   refused(79, 255);
   refused(104, 1);   // reserved
   refused(75, 127);  // step
   refused(112, 0);   // table into the header
+  refused(116, 1);   // padding of the table
   refused(cluster + 20, 255);
   refused(cluster + 21, 255);
   refused(cluster + 22, 0);
-  refused(cluster + 23, 9);
+  refused(cluster + 22, 65);
+  refused(cluster + 23, 16);
   refused(cluster + 24, 26);
-  refused(cluster + 27, 16);
-  refused(cluster + 28, 31);
-  refused(cluster + 36, 0);
+  refused(cluster + 27, 31);
+  refused(cluster + 30, 1);
+  refused(cluster + 33, 1);
+  refused(cluster + 34, 0);
   refused(good.size() - 1, 1);
 }

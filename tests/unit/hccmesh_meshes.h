@@ -68,6 +68,13 @@ inline Soup sheet(int n, float extent = 1.0f) {
   return s;
 }
 
+/// All triangles of a cluster by their numbers, which have gaps.
+template <typename Visit>
+void forEachTriangle(const Mesh& mesh, std::uint32_t cluster, const Visit& visit) {
+  for (std::uint32_t leaf = 0; leaf < mesh.clusterLeafCount(cluster); ++leaf)
+    for (std::uint32_t i = 0; i < mesh.leafTriangleCount(cluster, leaf); ++i) visit(8 * leaf + i);
+}
+
 inline Mesh build(const Soup& soup, const BuildOptions& options = {}) {
   const Part part = soup.part();
   return Mesh::build({&part, 1}, options);

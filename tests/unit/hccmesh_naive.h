@@ -79,6 +79,42 @@ inline void readNormal(const Reader& r, std::uint64_t at, double* out) {
   out[0] = x / length, out[1] = y / length, out[2] = z / length;
 }
 
+// The triangles of a record at byte `at`; returns where it ends. `named`: vertices of earlier
+// leaves.
+inline std::uint64_t readRecord(const Reader& r, std::uint64_t at, std::uint32_t& named,
+                                Cluster& c) {
+  std::uint64_t bit = 0;
+  const auto next = [&](unsigned count) {
+    bit += count;
+    return static_cast<std::uint32_t>(r.bits(at, bit - count, count));
+  };
+  if (next(8) != named) throw std::runtime_error("first fresh vertex");
+  const std::uint32_t m = next(4) + 3;
+  std::vector<bool> starts(m, false), isNew(m, true);
+  starts[0] = true;
+  for (std::uint32_t p = 1; p <= m - 3; ++p) starts[p] = next(1) != 0;
+  std::uint32_t n = 3;
+  for (std::uint32_t i = 3; i < m; ++i) {
+    isNew[i] = next(1) != 0;
+    n += isNew[i];
+  }
+  std::vector<bool> fresh;
+  for (std::uint32_t i = 0; i < n; ++i) fresh.push_back(next(1) != 0);
+  std::vector<std::uint32_t> local, vertices;
+  std::uint32_t names = 0;
+  for (std::uint32_t i = 0; i < m; ++i) local.push_back(isNew[i] ? names++ : next(4));
+  while (bit % 8 != 0)
+    if (next(1) != 0) throw std::runtime_error("spare bits");
+  for (std::uint32_t i = 0; i < n; ++i) vertices.push_back(fresh[i] ? named++ : next(8));
+  for (std::uint32_t p = 0; p + 2 < m; ++p) {
+    if (!starts[p]) continue;
+    c.corners.push_back(vertices.at(local[p % 2 == 0 ? p : p + 1]));
+    c.corners.push_back(vertices.at(local[p % 2 == 0 ? p + 1 : p]));
+    c.corners.push_back(vertices.at(local[p + 2]));
+  }
+  return at + bit / 8;
+}
+
 inline Cluster readCluster(const Reader& r, std::uint64_t at) {
   Cluster c;
   std::int64_t anchor[3];
@@ -86,32 +122,35 @@ inline Cluster readCluster(const Reader& r, std::uint64_t at) {
   for (unsigned k = 0; k < 3; ++k) {
     anchor[k] = r.i32(at + 4 * k);
     width[k] = r.u8(at + 24 + k);
-    shift[k] = r.u8(at + 28 + k);
+    shift[k] = r.u8(at + 27 + k);
   }
   c.material = r.u32(at + 12), c.object = r.u32(at + 16);
-  const std::uint32_t t = r.u8(at + 20) + 1, v = r.u8(at + 21) + 1, l = r.u8(at + 22);
-  const unsigned b = r.u8(at + 23);
-  c.flags = r.u8(at + 27);
-  std::uint64_t next = at + 40;
+  const std::uint32_t t = r.u8(at + 20) + 1, v = r.u8(at + 21), l = r.u8(at + 22);
+  c.flags = r.u8(at + 23);
+  std::uint64_t next = at + 36;
   c.leaves.resize(l);
   if (l > 1) {
     for (std::uint32_t i = 0; i < l; ++i)
       for (unsigned k = 0; k < 3; ++k) {
-        const std::uint64_t group = next + 48 * (i / 8);
-        c.leaves[i].lower[k] = anchor[k] + (std::int64_t(r.u8(group + 16 * k + i % 8)) << shift[k]);
+        c.leaves[i].lower[k] = anchor[k] + (std::int64_t(r.u8(next + 2 * k * l + i)) << shift[k]);
         c.leaves[i].upper[k] =
-            anchor[k] + (std::int64_t(r.u8(group + 16 * k + 8 + i % 8)) << shift[k]);
+            anchor[k] + (std::int64_t(r.u8(next + (2 * k + 1) * l + i)) << shift[k]);
       }
-    next += 48 * ((l + 7) / 8);
-    for (std::uint32_t i = 0; i < l; ++i) c.leaves[i].first = r.u8(next + i);
-    next += l;
+    next += 6 * l;
   }
-  for (std::uint32_t i = 0; i < l; ++i) c.leaves[i].end = i + 1 < l ? c.leaves[i + 1].first : t;
-  if (next != at + r.u16(at + 36)) throw std::runtime_error("topologyOffset");
-  for (std::uint32_t i = 0; i < 3 * t; ++i)
-    c.corners.push_back(static_cast<std::uint32_t>(r.bits(next, i * b, b)));
-  next += (3 * t * b + 7) / 8;
-  if (next != at + r.u16(at + 38)) throw std::runtime_error("vertexOffset");
+  const std::uint64_t groups = next, places = next + 2 * ((l + 7) / 8);
+  std::uint64_t record = places + l;
+  std::uint32_t named = 0;
+  for (std::uint32_t i = 0; i < l; ++i) {
+    if (at + r.u16(groups + 2 * (i / 8)) + r.u8(places + i) != record)
+      throw std::runtime_error("place of a leaf");
+    c.leaves[i].first = static_cast<std::uint32_t>(c.corners.size()) / 3;
+    record = readRecord(r, record, named, c);
+    c.leaves[i].end = static_cast<std::uint32_t>(c.corners.size()) / 3;
+  }
+  next = record;
+  if (next != at + r.u16(at + 34)) throw std::runtime_error("vertexOffset");
+  if (named != v || c.corners.size() != 3 * t) throw std::runtime_error("counts");
   c.vertices.resize(v);
   const unsigned w = width[0] + width[1] + width[2];
   for (std::uint32_t i = 0; i < v; ++i) {
@@ -122,7 +161,7 @@ inline Cluster readCluster(const Reader& r, std::uint64_t at) {
     }
   }
   next += (std::uint64_t(w) * v + 7) / 8;
-  while ((next - at) % 4 != 0) ++next;
+  while (c.flags != 0 && (next - at) % 4 != 0) ++next;
   for (std::uint32_t i = 0; (c.flags & 1) && i < v; ++i, next += 4)
     readNormal(r, next, c.vertices[i].normal);
   if ((c.flags & 6) == 2) {
@@ -147,7 +186,7 @@ inline File readFile(std::span<const std::byte> bytes) {
   f.triangles = r.u64(56), f.dropped = r.u64(64);
   f.step = std::exp2(r.i32(72));
   for (std::uint32_t i = 0; i < r.u32(76); ++i)
-    f.clusters.push_back(readCluster(r, 4ull * r.u32(112 + 4ull * i)));
+    f.clusters.push_back(readCluster(r, 16ull * r.u32(112 + 4ull * i)));
   return f;
 }
 

@@ -1,0 +1,264 @@
+#include "hccmesh/page_cache.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+namespace hccm {
+namespace {
+
+/// No triangles, just the grid.
+Mesh emptyMesh(int stepExponent) {
+  BuildOptions options;
+  options.chooseOrigin = false;
+  options.stepExponent = stepExponent;
+  return Mesh::build({}, options);
+}
+
+/// A ray against the box of a cluster, wider than the tests inside. Where it is entered goes to
+/// `entry`, cells.
+bool meets(const Mesh& mesh, std::uint32_t cluster, const PreparedRay& ray, float& entry) {
+  constexpr float kTolerance = 0x1p-18f;  // twice that of trace.cpp
+  glm::vec3 lower, upper;
+  mesh.clusterBounds(cluster, lower, upper);
+  float nearest = ray.tnear, farthest = ray.tfar;
+  for (int k = 0; k < 3; ++k) {
+    const float a = (lower[k] * ray.cells - ray.origin[k]) * ray.inverse[k];
+    const float b = (upper[k] * ray.cells - ray.origin[k]) * ray.inverse[k];
+    nearest = std::max(nearest, std::min(a, b));
+    farthest = std::min(farthest, std::max(a, b));
+  }
+  entry = nearest - std::abs(nearest) * kTolerance;
+  return entry <= farthest + std::abs(farthest) * kTolerance;
+}
+
+constexpr std::uint64_t kOverhead = 512;  ///< of a page: the object and its allocations, bytes
+constexpr std::uint32_t kReadAhead = 3;   ///< pages behind a missing one
+
+}  // namespace
+
+void PageCache::Pin::release() {
+  if (cache_ != nullptr) std::exchange(cache_, nullptr)->unpin(page_);
+}
+
+PageCache::PageCache(const PageFile& file, const PageTable& table, std::uint64_t limit,
+                     std::uint32_t materials)
+    : file_(file),
+      table_(table),
+      limit_(limit),
+      materials_(materials),
+      grid_(emptyMesh(table.stepExponent)),
+      slots_(table.pages.size()) {
+  if (limit < leastBytes(table))
+    throw std::invalid_argument("a cache of " + std::to_string(limit) +
+                                " bytes does not hold the largest page, which takes " +
+                                std::to_string(leastBytes(table)));
+}
+
+PageCache::~PageCache() = default;
+
+std::uint64_t PageCache::bytesOf(const PageEntry& entry) {
+  return entry.bytes + 4ull * entry.clusters + kOverhead;
+}
+
+std::uint64_t PageCache::leastBytes(const PageTable& table) {
+  std::uint64_t most = 0;
+  for (const PageEntry& p : table.pages) most = std::max(most, bytesOf(p));
+  return most;
+}
+
+bool PageCache::tryPin(Slot& slot) {
+  std::int32_t pins = slot.state.load(std::memory_order_relaxed);
+  while (pins >= 0)
+    if (slot.state.compare_exchange_weak(pins, pins + 1, std::memory_order_acquire)) return true;
+  return false;
+}
+
+PageCache::Pin PageCache::pin(std::uint32_t page) {
+  Slot& slot = slots_[page];
+  if (!tryPin(slot)) return load(page);
+  if (slot.used.load(std::memory_order_relaxed) == 0) slot.used.store(1, std::memory_order_relaxed);
+  Pin out;
+  out.cache_ = this;
+  out.page_ = page;
+  out.mesh_ = slot.mesh.get();
+  return out;
+}
+
+void PageCache::unpin(std::uint32_t page) {
+  slots_[page].state.fetch_sub(1);
+  if (waiting_.load() == 0) return;
+  const std::lock_guard lock(mutex_);  // so that no waiter misses it between test and wait
+  changed_.notify_all();
+}
+
+/// Evicts the next page that is neither pinned nor was used since the hand passed it last. False if
+/// all are pinned. The lock is held.
+bool PageCache::evictOne() {
+  for (std::size_t step = 0; step < 2 * present_.size(); ++step) {
+    if (hand_ >= present_.size()) hand_ = 0;
+    const std::uint32_t page = present_[hand_];
+    Slot& slot = slots_[page];
+    if (slot.used.exchange(0, std::memory_order_relaxed) != 0) {
+      ++hand_;
+      continue;
+    }
+    std::int32_t unpinned = 0;
+    if (!slot.state.compare_exchange_strong(unpinned, kBusy)) {
+      ++hand_;
+      continue;
+    }
+    slot.mesh.reset();
+    slot.state.store(kAbsent);
+    present_[hand_] = present_.back();
+    present_.pop_back();
+    statistics_.bytes -= bytesOf(table_.pages[page]);
+    ++statistics_.evictions;
+    return true;
+  }
+  return false;
+}
+
+/// Makes room, and counts the bytes as taken.
+void PageCache::reserve(std::uint64_t bytes, std::unique_lock<std::mutex>& lock) {
+  while (statistics_.bytes + bytes > limit_) {
+    if (evictOne()) continue;
+    ++waiting_;
+    // An unpin between evictOne() and here is seen by the second look.
+    if (!evictOne()) changed_.wait(lock);
+    --waiting_;
+  }
+  statistics_.bytes += bytes;
+  statistics_.peakBytes = std::max(statistics_.peakBytes, statistics_.bytes);
+}
+
+std::unique_ptr<Mesh> PageCache::read(std::uint32_t page) const {
+  auto mesh = std::make_unique<Mesh>(Mesh::fromPage(loadPage(file_, table_, page), grid_));
+  for (std::uint32_t c = 0; c < mesh->clusterCount(); ++c)
+    if (mesh->clusterMaterial(c) >= materials_)
+      throw FormatError(file_.place(table_.pages[page].offset) + ": page " + std::to_string(page) +
+                        " has a material that does not exist");
+  return mesh;
+}
+
+PageCache::Pin PageCache::load(std::uint32_t page) {
+  Slot& slot = slots_[page];
+  const PageEntry& entry = table_.pages[page];
+  std::unique_lock lock(mutex_);
+  for (;;) {  // until the page is there, or is ours to load
+    if (tryPin(slot)) break;
+    std::int32_t absent = kAbsent;
+    if (!slot.state.compare_exchange_strong(absent, kBusy)) {
+      changed_.wait(lock);
+      continue;
+    }
+    try {
+      reserve(bytesOf(entry), lock);
+      lock.unlock();
+      const std::uint32_t last =
+          std::min<std::uint32_t>(page + kReadAhead, static_cast<std::uint32_t>(slots_.size()) - 1);
+      if (last > page)
+        file_.readAhead(entry.offset + entry.packedBytes, table_.pages[last].offset +
+                                                              table_.pages[last].packedBytes -
+                                                              entry.offset - entry.packedBytes);
+      slot.mesh = read(page);
+      lock.lock();
+    } catch (...) {
+      if (!lock.owns_lock()) lock.lock();
+      statistics_.bytes -= bytesOf(entry);
+      slot.state.store(kAbsent);
+      changed_.notify_all();
+      throw;
+    }
+    present_.push_back(page);
+    ++statistics_.loads;
+    statistics_.bytesRead += entry.packedBytes;
+    slot.used.store(1, std::memory_order_relaxed);
+    slot.state.store(1, std::memory_order_release);
+    changed_.notify_all();
+    break;
+  }
+  Pin out;
+  out.cache_ = this;
+  out.page_ = page;
+  out.mesh_ = slot.mesh.get();
+  return out;
+}
+
+PageCache::Statistics PageCache::statistics() const {
+  const std::lock_guard lock(mutex_);
+  return statistics_;
+}
+
+PagedMesh::PagedMesh(PageTable table, std::unique_ptr<PageFile> file, std::uint64_t cacheBytes,
+                     std::uint32_t materials)
+    : table_(std::move(table)),
+      file_(std::move(file)),
+      grid_(emptyMesh(table_.stepExponent)),
+      cache_(*file_, table_, cacheBytes, materials) {}
+
+double PagedMesh::errorBound() const { return std::sqrt(0.75) * grid_.step(); }
+
+void PagedMesh::reach(std::uint32_t page, Pin& pin) const {
+  if (pin.holds(page)) return;
+  pin.release();  // a thread that waits holds nothing
+  pin = cache_.pin(page);
+}
+
+bool PagedMesh::intersect(std::uint32_t group, PreparedRay& ray, Hit& hit, Pin& pin) const {
+  const PageGroup& g = table_.groups[group];
+  reach(g.page, pin);
+  const std::uint32_t base = g.page * kPageClusters;
+  // Inside the page clusters count from 0; what was hit in another is below or above all of these.
+  Hit local = hit;
+  if (hit.cluster != Hit::kNothing) {
+    const std::uint32_t page = hit.cluster / kPageClusters;
+    if (page == g.page) {
+      local.cluster = hit.cluster - base;
+    } else if (page > g.page) {
+      local.cluster = Hit::kNothing;
+    } else {
+      local.cluster = local.triangle = 0;
+    }
+  }
+  const Mesh& mesh = pin.mesh();
+  bool found = false;
+  if (g.count == 1) {
+    found = mesh.intersect(g.first, ray, local);
+  } else {
+    float entry[kGroupClusters];
+    std::uint32_t met = 0;
+    for (std::uint32_t i = 0; i < g.count; ++i)
+      if (meets(mesh, g.first + i, ray, entry[i])) met |= 1u << i;
+    while (met != 0) {  // nearest box first
+      int next = std::countr_zero(met);
+      for (std::uint32_t rest = met & (met - 1); rest != 0; rest &= rest - 1)
+        if (entry[std::countr_zero(rest)] < entry[next]) next = std::countr_zero(rest);
+      if (entry[next] > ray.tfar) break;
+      met &= ~(1u << next);
+      found |= mesh.intersect(g.first + static_cast<std::uint32_t>(next), ray, local);
+    }
+  }
+  if (!found) return false;
+  hit = local;
+  hit.cluster += base;
+  return true;
+}
+
+bool PagedMesh::occluded(std::uint32_t group, PreparedRay& ray, Pin& pin) const {
+  const PageGroup& g = table_.groups[group];
+  reach(g.page, pin);
+  const Mesh& mesh = pin.mesh();
+  for (std::uint32_t c = g.first; c < std::uint32_t{g.first} + g.count; ++c) {
+    float entry;
+    if ((g.count == 1 || meets(mesh, c, ray, entry)) && mesh.occluded(c, ray)) return true;
+  }
+  return false;
+}
+
+Triangle PagedMesh::triangle(std::uint32_t cluster, std::uint32_t index) const {
+  const Pin pin = cache_.pin(cluster / kPageClusters);
+  return pin.mesh().triangle(cluster % kPageClusters, index);
+}
+
+}  // namespace hccm

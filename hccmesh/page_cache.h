@@ -1,0 +1,144 @@
+// Pages of a mesh in memory, under a hard limit, and rays against them.
+//
+// A page in use is pinned: it stays where it is until its last pin is gone. A page that is not
+// there is loaded by the thread that wants it, after unpinned ones were evicted that were not used
+// for longest (second chance, a clock's hand over all pages). If everything else is pinned the
+// thread waits; so a thread must hold no pin while it asks for another page. Pages behind a
+// missing one are read ahead by the operating system meanwhile.
+//
+// A page that can't be read or is damaged throws at each pin(); it is never traced.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <utility>
+#include <vector>
+
+#include "hccmesh/pages.h"
+
+namespace hccm {
+
+/// Thread safe.
+class PageCache {
+ public:
+  struct Statistics {
+    std::uint64_t loads = 0, evictions = 0, bytesRead = 0;
+    std::uint64_t bytes = 0, peakBytes = 0;  ///< in memory, of all pages
+  };
+
+  /// Keeps one page alive. Movable; belongs to one thread.
+  class Pin {
+   public:
+    Pin() = default;
+    Pin(Pin&& other) noexcept
+        : cache_(std::exchange(other.cache_, nullptr)), page_(other.page_), mesh_(other.mesh_) {}
+    Pin& operator=(Pin&& other) noexcept {
+      if (this == &other) return *this;
+      release();
+      cache_ = std::exchange(other.cache_, nullptr);
+      page_ = other.page_;
+      mesh_ = other.mesh_;
+      return *this;
+    }
+    ~Pin() { release(); }
+    bool holds(std::uint32_t page) const { return cache_ != nullptr && page_ == page; }
+    const Mesh& mesh() const { return *mesh_; }
+    void release();
+
+   private:
+    friend class PageCache;
+    PageCache* cache_ = nullptr;
+    std::uint32_t page_ = 0;
+    const Mesh* mesh_ = nullptr;
+  };
+
+  /// `limit`: bytes of pages in memory, at least leastBytes(). File and table must outlive it.
+  /// Throws std::invalid_argument for a limit that is too small.
+  /// A page with a material of `materials` or beyond counts as damaged.
+  PageCache(const PageFile& file, const PageTable& table, std::uint64_t limit,
+            std::uint32_t materials = 0xffffffffu);
+  ~PageCache();
+  PageCache(const PageCache&) = delete;
+  PageCache& operator=(const PageCache&) = delete;
+
+  /// The largest page.
+  static std::uint64_t leastBytes(const PageTable& table);
+  /// Bytes that a page counts with.
+  static std::uint64_t bytesOf(const PageEntry& entry);
+
+  /// Pins a page, loading it if need be. Throws what loadPage() throws.
+  Pin pin(std::uint32_t page);
+  Statistics statistics() const;
+  std::uint64_t limit() const { return limit_; }
+
+ private:
+  // state: number of pins, or one of these. A page that is kLoading or kEvicting belongs to one
+  // thread.
+  static constexpr std::int32_t kAbsent = -1, kBusy = -2;
+  struct Slot {
+    std::atomic<std::int32_t> state{kAbsent};
+    std::atomic<std::uint8_t> used{0};  ///< since the hand passed
+    std::unique_ptr<Mesh> mesh;
+  };
+
+  bool tryPin(Slot& slot);
+  void unpin(std::uint32_t page);
+  Pin load(std::uint32_t page);
+  std::unique_ptr<Mesh> read(std::uint32_t page) const;
+  bool evictOne();
+  void reserve(std::uint64_t bytes, std::unique_lock<std::mutex>& lock);
+
+  const PageFile& file_;
+  const PageTable& table_;
+  const std::uint64_t limit_;
+  const std::uint32_t materials_;
+  Mesh grid_;
+  std::vector<Slot> slots_;
+  mutable std::mutex mutex_;  ///< of everything below
+  std::condition_variable changed_;
+  std::atomic<std::uint32_t> waiting_{0};  ///< threads that wait for an unpin
+  std::vector<std::uint32_t> present_;     ///< pages in memory
+  std::size_t hand_ = 0;                   ///< into present_
+  Statistics statistics_;
+};
+
+/// A mesh of pages, as rays see it. All const calls are thread safe.
+class PagedMesh {
+ public:
+  using Pin = PageCache::Pin;
+
+  /// `cacheBytes`: limit of pages in memory. Throws std::invalid_argument if it is less than a
+  /// page. `materials`: those of clusters are below.
+  PagedMesh(PageTable table, std::unique_ptr<PageFile> file, std::uint64_t cacheBytes,
+            std::uint32_t materials = 0xffffffffu);
+
+  const PageTable& table() const { return table_; }
+  PageCache::Statistics statistics() const { return cache_.statistics(); }
+  std::uint64_t cacheBytes() const { return cache_.limit(); }
+  double step() const { return grid_.step(); }
+  double errorBound() const;
+  std::uint32_t groupCount() const { return static_cast<std::uint32_t>(table_.groups.size()); }
+  PreparedRay prepare(const Ray& ray) const { return grid_.prepare(ray); }
+
+  /// As Mesh::intersect() for all clusters of a group. `pin` is the caller's, kept from call to
+  /// call. Throws what loadPage() throws.
+  bool intersect(std::uint32_t group, PreparedRay& ray, Hit& hit, Pin& pin) const;
+  bool occluded(std::uint32_t group, PreparedRay& ray, Pin& pin) const;
+  /// Decodes a triangle of a hit. Throws what loadPage() throws.
+  Triangle triangle(std::uint32_t cluster, std::uint32_t index) const;
+  /// Pins a page, to walk over its triangles.
+  Pin page(std::uint32_t number) const { return cache_.pin(number); }
+
+ private:
+  void reach(std::uint32_t page, Pin& pin) const;
+
+  PageTable table_;
+  std::unique_ptr<PageFile> file_;
+  Mesh grid_;
+  mutable PageCache cache_;
+};
+
+}  // namespace hccm

@@ -1,0 +1,47 @@
+// The hierarchy over a mesh's clusters: nodes of up to 8 children with quantised boxes, after
+// [Ylitie et al., Efficient Incoherent Ray Traversal on GPUs Through Compressed Wide BVHs, HPG
+// 2017].
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace hccm {
+
+/// Inclusive bounds in grid cells; |coordinate| <= 2^24.
+struct GridBox {
+  std::int32_t lower[3], upper[3];
+};
+
+/// A child's box is lower + (planes << shift) along each axis, and holds all that is below it.
+struct alignas(32) TopNode {
+  static constexpr std::uint32_t kCluster = 0x80000000u;  ///< flag of a child that is a cluster
+
+  std::int32_t lower[3];
+  std::uint8_t shift[3], children;
+  std::uint8_t planes[6][8];  ///< lower x, upper x, lower y, ...; by child
+  std::uint32_t child[8];     ///< a node, or kCluster + a cluster
+};
+static_assert(sizeof(TopNode) == 96);
+
+/// Immutable: threads may share it.
+class TopLevel {
+ public:
+  static constexpr int kMaxDepth = 40;  ///< of nodes; a traversal needs a stack of 7 a level
+
+  TopLevel() = default;
+  /// By binned surface area heuristic. Box i is that of cluster i; at most 2^31 - 1 boxes. Needs 32
+  /// bytes a box while it builds, and about 16 later.
+  explicit TopLevel(std::span<const GridBox> boxes);
+
+  /// The root first; none without boxes.
+  std::span<const TopNode> nodes() const { return nodes_; }
+  std::uint64_t bytes() const { return nodes_.size() * sizeof(TopNode); }
+
+ private:
+  std::vector<TopNode> nodes_;
+};
+
+}  // namespace hccm

@@ -1,0 +1,251 @@
+#include "src/app/bench_hccmesh.h"
+
+#include <fmt/format.h>
+#include <tbb/blocked_range.h>
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <functional>
+#include <memory>
+#include <numeric>
+#include <span>
+#include <vector>
+
+#include "hccmesh/pack.h"
+#include "src/app/embree_triangles.h"
+#include "src/core/sampler.h"
+#include "src/crays/ray_scene.h"
+#include "src/scene/import.h"
+
+namespace trex {
+namespace {
+
+using Json = nlohmann::ordered_json;
+using Clock = std::chrono::steady_clock;
+
+double secondsSince(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+struct BenchRay {
+  vec3 origin, direction;
+  float tfar;
+};
+using Rays = std::vector<BenchRay>;
+
+/// Whether a ray hits.
+using Trace = std::function<void(std::span<const BenchRay>, std::uint8_t*)>;
+
+template <typename Hits>
+Trace traceWith(const Hits& hits) {
+  return [hits](std::span<const BenchRay> rays, std::uint8_t* out) {
+    for (const BenchRay& ray : rays) *out++ = hits(ray);
+  };
+}
+
+double median(std::vector<double> values) {
+  std::sort(values.begin(), values.end());
+  return values[values.size() / 2];
+}
+
+/// A contender with what it measured.
+struct Contender {
+  const char* name;
+  Trace trace;
+  std::vector<double> rates;
+  std::vector<std::uint8_t> hits;
+};
+
+void run(const Rays& rays, Contender& c) {
+  c.hits.resize(rays.size());
+  const auto start = Clock::now();
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, rays.size(), 4096), [&](const auto& range) {
+    c.trace(std::span(rays).subspan(range.begin(), range.size()), c.hits.data() + range.begin());
+  });
+  c.rates.push_back(static_cast<double>(rays.size()) / secondsSince(start));
+}
+
+/// Rays a second of all, taking turns; in how many rays the others differ from the first.
+void compare(const Rays& rays, int runs, std::vector<Contender> contenders, const char* kind,
+             Json& out) {
+  if (rays.empty()) return;
+  for (Contender& c : contenders) run(rays, c), c.rates.clear();  // warm up
+  for (int i = 0; i < runs; ++i)
+    for (Contender& c : contenders) run(rays, c);
+  for (const Contender& c : contenders) {
+    out["rays_per_second"][kind][c.name] = median(c.rates);
+    std::uint64_t different = 0;
+    for (std::size_t i = 0; i < rays.size(); ++i) different += c.hits[i] != contenders[0].hits[i];
+    if (&c != &contenders[0]) out["different_hits"][kind][c.name] = different;
+  }
+  out["rays"][kind] = rays.size();
+  out["hits"][kind] =
+      std::accumulate(contenders[0].hits.begin(), contenders[0].hits.end(), std::uint64_t{0});
+}
+
+/// By rows of tiles of 32 x 32 pixels.
+Rays coherentRays(const Camera& camera, const dvec3& renderOrigin, std::uint64_t count) {
+  const int tiles = std::max(1, static_cast<int>(std::sqrt(static_cast<double>(count)) / 32.0));
+  const auto size = static_cast<float>(32 * tiles);
+  const vec3 right = glm::cross(camera.forward, camera.up);
+  const float scale = std::tan(0.5f * camera.verticalFov);
+  Rays rays;
+  for (int tile = 0; tile < tiles * tiles; ++tile)
+    for (int pixel = 0; pixel < 1024; ++pixel) {
+      const auto x = static_cast<float>(tile % tiles * 32 + pixel % 32),
+                 y = static_cast<float>(tile / tiles * 32 + pixel / 32);
+      const vec3 d = camera.forward + scale * (2.0f * (x + 0.5f) / size - 1.0f) * right -
+                     scale * (2.0f * (y + 0.5f) / size - 1.0f) * camera.up;
+      rays.push_back({vec3(camera.eye - renderOrigin), glm::normalize(d), kInfinity});
+    }
+  return rays;
+}
+
+/// From what coherent rays hit: one ray by the cosine, and one to a light beside the camera.
+void secondaryRays(const RayScene& scene, const Rays& coherent, Rays& diffuse, Rays& shadow) {
+  const Box3f box = scene.bounds();
+  const vec3 light = coherent[0].origin + 0.25f * glm::length(box.size()) * vec3(0.5f, 0.7f, 0.5f);
+  for (std::uint32_t i = 0; i < coherent.size(); ++i) {
+    RayHit hit;
+    if (!scene.intersect(coherent[i].origin, coherent[i].direction, 0.0f, kInfinity, hit)) continue;
+    const Surface s = scene.surface(hit);
+    const vec3 n = glm::dot(s.geometricNormal, coherent[i].direction) < 0.0f ? s.geometricNormal
+                                                                             : -s.geometricNormal;
+    const float phi = 2.0f * kPi * toUnitFloat(hash32(2 * i)), u = toUnitFloat(hash32(2 * i + 1));
+    const vec3 local(std::cos(phi) * std::sqrt(u), std::sin(phi) * std::sqrt(u),
+                     std::sqrt(1.0f - u));
+    const vec3 origin = s.position + n * (2.0f * s.error);
+    diffuse.push_back({origin, Basis(n).toWorld(local), kInfinity});
+    const vec3 toLight = light - origin;
+    shadow.push_back({origin, glm::normalize(toLight), glm::length(toLight)});
+  }
+}
+
+hccm::Sizes sizesOf(const RayScene::Parts& parts) {
+  hccm::Sizes sum = parts.world.sizes();
+  for (const hccm::Mesh& mesh : parts.shared) sum += mesh.sizes();
+  return sum;
+}
+
+std::uint64_t diskBytes(const RayScene::Parts& parts) {
+  std::uint64_t sum = hccm::packedBytes(parts.world);
+  for (const hccm::Mesh& mesh : parts.shared) sum += hccm::packedBytes(mesh);
+  return sum;
+}
+
+void describeBytes(const RayScene& scene, Json& out) {
+  const RayScene::Statistics statistics = scene.statistics();
+  const hccm::Sizes z = sizesOf(scene.parts());
+  const auto share = [&](std::uint64_t bytes) {
+    return static_cast<double>(bytes) / static_cast<double>(statistics.uniqueTriangles);
+  };
+  out["triangles"] = statistics.uniqueTriangles;
+  out["placed_triangles"] = statistics.triangles;
+  out["bytes_per_triangle"] = share(statistics.meshBytes + statistics.topLevelBytes);
+  out["bytes_per_triangle_by_part"] = {{"vertices", share(z.vertices)},
+                                       {"topology", share(z.topology)},
+                                       {"nodes", share(z.nodes)},
+                                       {"top_level", share(statistics.topLevelBytes)},
+                                       {"cluster_headers", share(z.clusterHeaders)},
+                                       {"cluster_table", share(z.clusterTable)},
+                                       {"padding", share(z.padding)},
+                                       {"header", share(z.header)},
+                                       {"normals", share(z.normals)},
+                                       {"tex_coords", share(z.texCoords)},
+                                       {"colors", share(z.colors)}};
+  out["disk_bytes_per_triangle"] = share(diskBytes(scene.parts()));
+  out["triangles_per_cluster"] =
+      static_cast<double>(statistics.uniqueTriangles) / static_cast<double>(statistics.clusters);
+  out["error_bound_metres"] = scene.parts().world.errorBound();
+}
+
+}  // namespace
+
+Json benchHccmesh(const HccmeshBenchArguments& a) {
+  const Scene scene = importScene(a.input);
+  const Camera camera = a.camera.empty() ? scene.cameras.at(0) : parseCamera(a.camera, scene);
+  RayScene::Options options;
+  options.precisionBits = a.precisionBits;
+  const auto start = Clock::now();
+  const RayScene ours(scene, options);
+  const double buildSeconds = secondsSince(start);
+  Json out = {{"bench", "hccmesh"}, {"input", a.input}};
+  describeBytes(ours, out);
+  out["build_seconds"] = buildSeconds;
+
+  std::unique_ptr<EmbreeTriangles> embree, compact;
+  if (a.embree) {
+    embree = std::make_unique<EmbreeTriangles>(scene, ours.renderOrigin(), false);
+    compact = std::make_unique<EmbreeTriangles>(scene, ours.renderOrigin(), true);
+    const auto share = [](const EmbreeTriangles& e) {
+      return static_cast<double>(e.bytes()) / static_cast<double>(e.triangles());
+    };
+    out["embree_bytes_per_triangle"] = share(*embree);
+    out["embree_compact_bytes_per_triangle"] = share(*compact);
+    out["embree_build_seconds"] = embree->buildSeconds();
+  }
+
+  const auto contenders = [&](bool shadow) {
+    std::vector<Contender> list(1);
+    list[0].name = "hccmesh";
+    list[0].trace = shadow ? traceWith([&](const BenchRay& r) {
+      return ours.occluded(r.origin, r.direction, 0.0f, r.tfar);
+    })
+                           : traceWith([&](const BenchRay& r) {
+                               RayHit hit;
+                               return ours.intersect(r.origin, r.direction, 0.0f, r.tfar, hit);
+                             });
+    for (const EmbreeTriangles* e : {embree.get(), compact.get()}) {
+      if (!e) continue;
+      list.push_back({e == embree.get() ? "embree" : "embree_compact",
+                      shadow ? traceWith([e](const BenchRay& r) {
+                        return e->occluded(r.origin, r.direction, r.tfar);
+                      })
+                             : traceWith([e](const BenchRay& r) {
+                                 return e->intersect(r.origin, r.direction, r.tfar) < kInfinity;
+                               }),
+                      {},
+                      {}});
+    }
+    return list;
+  };
+  const Rays coherent = coherentRays(camera, ours.renderOrigin(), a.rays);
+  Rays diffuse, shadow;
+  secondaryRays(ours, coherent, diffuse, shadow);
+  compare(coherent, a.runs, contenders(false), "coherent", out);
+  compare(diffuse, a.runs, contenders(false), "diffuse", out);
+  compare(shadow, a.runs, contenders(true), "shadow", out);
+  out["runs"] = a.runs;
+  out["instruction_set"] = ours.parts().world.targetName();
+  return out;
+}
+
+void printHccmeshBench(const Json& d) {
+  fmt::print("{}: {} triangles, {:.2f} bytes each, {:.2f} on disk\n", d["input"].get<std::string>(),
+             d["triangles"].dump(), d["bytes_per_triangle"].get<double>(),
+             d["disk_bytes_per_triangle"].get<double>());
+  for (const auto& [part, bytes] : d["bytes_per_triangle_by_part"].items()) {
+    fmt::print("  {:<16} {:8.3f}\n", part, bytes.get<double>());
+  }
+  if (d.contains("embree_bytes_per_triangle")) {
+    fmt::print("Embree: {:.1f} bytes a triangle with its copy of the mesh, compact {:.1f}\n",
+               d["embree_bytes_per_triangle"].get<double>(),
+               d["embree_compact_bytes_per_triangle"].get<double>());
+  }
+  if (!d.contains("rays_per_second")) return;
+  fmt::print("{:<16} {:>10} {:>10} {:>16} {:>8} {:>8}\n", "million rays/s", "HCCMesh", "Embree",
+             "Embree compact", "ratio", "compact");
+  for (const auto& [kind, rates] : d["rays_per_second"].items()) {
+    const double ours = rates["hccmesh"].get<double>(), theirs = rates.value("embree", 0.0),
+                 compact = rates.value("embree_compact", 0.0);
+    const auto ratio = [&](double rate) {
+      return rate > 0.0 ? fmt::format("{:.2f}", ours / rate) : std::string("-");
+    };
+    fmt::print("{:<16} {:10.3f} {:10.3f} {:16.3f} {:>8} {:>8}\n", kind, ours * 1e-6, theirs * 1e-6,
+               compact * 1e-6, ratio(theirs), ratio(compact));
+  }
+}
+
+}  // namespace trex

@@ -1,0 +1,52 @@
+// The pages of a bundle, as the page cache reads them.
+#pragma once
+
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+
+#include "hccmesh/pages.h"
+#include "src/core/error.h"
+
+namespace trex::bundle {
+
+/// Pages in a file that is read, not mapped: what is in memory is the cache's business alone.
+class FilePages : public hccm::PageFile {
+ public:
+  /// `start`: of the pages' section in the file. Throws Error(code) that names the file if it can't
+  /// be opened; read() if it can't be read.
+  FilePages(const std::filesystem::path& path, std::uint64_t start,
+            ExitCode code = ExitCode::kInput);
+  ~FilePages() override;
+  FilePages(const FilePages&) = delete;
+  FilePages& operator=(const FilePages&) = delete;
+  void read(std::uint64_t offset, std::span<std::byte> out) const override;
+  void readAhead(std::uint64_t offset, std::uint64_t bytes) const override;
+  std::string place(std::uint64_t offset) const override;
+
+ private:
+  std::string name_;
+  std::uint64_t start_;
+  ExitCode code_;
+  int file_;
+};
+
+/// Pages in memory, such as those of a file that is mapped.
+class MemoryPages : public hccm::PageFile {
+ public:
+  MemoryPages(std::span<const std::byte> section, std::shared_ptr<const void> owner,
+              std::string name, std::uint64_t start)
+      : section_(section), owner_(std::move(owner)), name_(std::move(name)), start_(start) {}
+  void read(std::uint64_t offset, std::span<std::byte> out) const override;
+  void readAhead(std::uint64_t, std::uint64_t) const override {}
+  std::string place(std::uint64_t offset) const override;
+
+ private:
+  std::span<const std::byte> section_;
+  std::shared_ptr<const void> owner_;
+  std::string name_;
+  std::uint64_t start_;
+};
+
+}  // namespace trex::bundle

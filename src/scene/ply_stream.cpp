@@ -1,0 +1,238 @@
+// Binary PLY files of bare positions as streams: the file is mapped, never held. Others are left to
+// the importer.
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <bit>
+#include <cstring>
+#include <fstream>
+#include <sstream>
+
+#include "src/scene/import_detail.h"
+#include "src/scene/triangle_stream.h"
+
+namespace trex::detail {
+namespace {
+
+/// A read-only map of a file.
+class Map {
+ public:
+  explicit Map(const std::filesystem::path& path) {
+    const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
+    struct stat status {};
+    if (file >= 0 && ::fstat(file, &status) == 0 && status.st_size > 0) {
+      size_ = static_cast<std::size_t>(status.st_size);
+      void* at = ::mmap(nullptr, size_, PROT_READ, MAP_SHARED, file, 0);
+      if (at != MAP_FAILED) data_ = static_cast<const std::uint8_t*>(at);
+    }
+    if (file >= 0) ::close(file);
+    if (data_ == nullptr) fail(ExitCode::kInput, "{}: can't be mapped", path.string());
+  }
+  ~Map() { ::munmap(const_cast<std::uint8_t*>(data_), size_); }
+  Map(const Map&) = delete;
+  Map& operator=(const Map&) = delete;
+  const std::uint8_t* data() const { return data_; }
+  std::size_t size() const { return size_; }
+  /// Takes what was read so far out of this process; it comes back when it is read again.
+  void forget() const { ::madvise(const_cast<std::uint8_t*>(data_), size_, MADV_DONTNEED); }
+
+ private:
+  const std::uint8_t* data_ = nullptr;
+  std::size_t size_ = 0;
+};
+
+struct Layout {
+  std::uint64_t vertices = 0, faces = 0;
+  std::size_t vertexStart = 0, faceStart = 0, stride = 0;
+  std::size_t place[3] = {};  ///< of x, y, z in a vertex
+};
+
+std::size_t sizeOfType(const std::string& type) {
+  if (type == "char" || type == "uchar" || type == "int8" || type == "uint8") return 1;
+  if (type == "short" || type == "ushort" || type == "int16" || type == "uint16") return 2;
+  if (type == "double" || type == "float64") return 8;
+  return type == "int" || type == "uint" || type == "int32" || type == "uint32" ||
+                 type == "float" || type == "float32"
+             ? 4
+             : 0;
+}
+
+/// False for anything but little endian bytes, x y z of floats, no other attribute that a picture
+/// shows, and faces of nothing but a list of u8 and 32-bit integers.
+bool readLayout(const std::filesystem::path& path, Layout& out) {
+  std::ifstream in(path, std::ios::binary);
+  std::string line, section;
+  int coordinates = 0, lists = 0;
+  bool binary = false;
+  for (int lines = 0; std::getline(in, line) && lines < 100; ++lines) {
+    if (!line.empty() && line.back() == '\r') line.pop_back();
+    std::istringstream words(line);
+    std::string word, type, name, count;
+    words >> word >> type >> name;
+    if (lines == 0 && word != "ply") return false;
+    if (word == "format") binary = type == "binary_little_endian";
+    if (word == "element") {
+      std::uint64_t number = 0;
+      std::istringstream(name) >> number;
+      if (type == "vertex" && section.empty())
+        out.vertices = number;
+      else if (type == "face" && section == "vertex")
+        out.faces = number;
+      else
+        return false;
+      section = type;
+    }
+    if (word == "property" && section == "vertex") {
+      const std::size_t bytes = sizeOfType(type);
+      const bool axis = name == "x" || name == "y" || name == "z";
+      if (bytes == 0 || (axis && type != "float" && type != "float32")) return false;
+      for (const char* shown : {"nx", "s", "u", "texture_u", "red", "r"}) {
+        if (name == shown) return false;
+      }
+      if (axis) out.place[name[0] - 'x'] = out.stride, ++coordinates;
+      out.stride += bytes;
+    }
+    if (word == "property" && section == "face") {
+      words >> count;
+      if (type != "list" || sizeOfType(name) != 1 || sizeOfType(count) != 4) return false;
+      if (count.starts_with("float")) return false;
+      ++lists;
+    }
+    if (word == "end_header") {
+      const auto at = in.tellg();
+      if (!binary || coordinates != 3 || lists != 1 || at < 0) return false;
+      out.vertexStart = static_cast<std::size_t>(at);
+      return true;
+    }
+  }
+  return false;
+}
+
+class PlyStream : public TriangleStream {
+ public:
+  PlyStream(const std::filesystem::path& path, const Layout& layout, bool environmentGiven)
+      : map_(path), layout_(layout), source_(examineSource(path)) {
+    scene_.source = path.string();
+    scene_.files = {source_};
+    measure();
+    scene_.materials.push_back(defaultMaterial());
+    scene_.objects.push_back(path.stem().string());
+    scene_.meshes.emplace_back().name = scene_.objects[0];
+    scene_.instances.emplace_back().name = scene_.objects[0];
+    if (!bounds_.empty()) scene_.cameras.push_back(framingCamera(bounds_));
+    addDefaultLightAndCamera(scene_, environmentGiven);
+  }
+  const Scene& scene() const override { return scene_; }
+  Box3d bounds() const override { return bounds_; }
+  std::uint64_t triangleCount() const override { return triangles_; }
+  std::uint64_t batchCount() const override { return starts_.size(); }
+  std::string key() const override {
+    return fmt::format("{}|{}|{}", source_.path, source_.bytes, source_.modifiedNanoseconds);
+  }
+  std::uint64_t residentBytes() const override { return starts_.size() * sizeof(Start); }
+
+  void batch(std::uint64_t number, TriangleBatch& out) const override {
+    out.clear();
+    out.origin = bounds_.empty() ? dvec3(0.0) : bounds_.centre();
+    std::size_t at = starts_[number].byte;
+    const std::uint64_t end =
+        number + 1 < starts_.size() ? starts_[number + 1].face : layout_.faces;
+    for (std::uint64_t face = starts_[number].face; face < end; ++face) {
+      const std::uint32_t corners = map_.data()[at];
+      for (std::uint32_t c = 2; c < corners; ++c) {
+        add(at, 0, face, out);
+        add(at, c - 1, face, out);
+        add(at, c, face, out);
+      }
+      at += 1 + 4ull * corners;
+    }
+    out.runs.push_back({0, 0, out.triangles()});
+    if (++reads_ % kForget == 0) map_.forget();
+  }
+
+ private:
+  static constexpr std::uint64_t kTriangles = 1u << 14;  ///< of a batch, the last face's apart
+  static constexpr std::uint64_t kForget = 64;           ///< batches between two of Map::forget()
+  struct Start {
+    std::size_t byte;
+    std::uint64_t face;
+  };
+
+  vec3 position(std::uint64_t vertex) const {
+    vec3 p;
+    const std::uint8_t* at = map_.data() + layout_.vertexStart + vertex * layout_.stride;
+    for (int k = 0; k < 3; ++k) std::memcpy(&p[k], at + layout_.place[k], sizeof(float));
+    return p;
+  }
+  void add(std::size_t at, std::uint32_t corner, std::uint64_t face, TriangleBatch& out) const {
+    std::uint32_t index;
+    std::memcpy(&index, map_.data() + at + 1 + 4ull * corner, sizeof(index));
+    if (index >= layout_.vertices) {
+      fail(ExitCode::kInput, "{}: face {} refers to vertex {}, but there are {}", scene_.source,
+           face, index, layout_.vertices);
+    }
+    out.positions.push_back(vec3(dvec3(position(index)) - out.origin));
+  }
+
+  /// One look over all vertices for the bounds, and over all faces for where they lie.
+  void measure() {
+    const std::size_t size = map_.size();
+    const auto cut = [&] { fail(ExitCode::kInput, "{}: the file ends early", scene_.source); };
+    if (layout_.vertices > (size - layout_.vertexStart) / layout_.stride) cut();
+    Box3d box;
+    for (std::uint64_t v = 0; v < layout_.vertices; ++v) {
+      const vec3 p = position(v);
+      if (isFinite(p)) box.extend(dvec3(p));
+      if (v % (std::uint64_t{1} << 24) == 0) map_.forget();
+    }
+    bounds_ = box;
+    if (!box.empty() &&
+        !glm::all(glm::lessThanEqual(glm::max(-box.lower, box.upper), dvec3(kMaxCoordinate)))) {
+      fail(ExitCode::kInput, "{}: reaches beyond {:.0e} m", scene_.source, kMaxCoordinate);
+    }
+    std::uint64_t inBatch = 0;
+    std::size_t at = layout_.vertexStart + layout_.vertices * layout_.stride;
+    for (std::uint64_t face = 0; face < layout_.faces; ++face) {
+      if (face == 0 || inBatch >= kTriangles) {
+        starts_.push_back({at, face});
+        inBatch = 0;
+      }
+      if (at >= size) cut();
+      const std::uint32_t corners = map_.data()[at];
+      if (4ull * corners >= size - at) cut();
+      const std::uint64_t fan = corners > 2 ? corners - 2 : 0;
+      triangles_ += fan;
+      inBatch += fan;
+      at += 1 + 4ull * corners;
+      if (face % (std::uint64_t{1} << 24) == 0) map_.forget();
+    }
+    map_.forget();
+  }
+
+  Map map_;
+  Layout layout_;
+  SourceFile source_;
+  Scene scene_;
+  Box3d bounds_;
+  std::uint64_t triangles_ = 0;
+  std::vector<Start> starts_;
+  mutable std::atomic<std::uint64_t> reads_{0};
+};
+
+}  // namespace
+
+std::unique_ptr<TriangleStream> openPlyStream(const std::filesystem::path& path,
+                                              const ImportOptions& options) {
+  static_assert(std::endian::native == std::endian::little);
+  Layout layout;
+  if (path.extension() != ".ply" || !std::filesystem::is_regular_file(path) ||
+      !readLayout(path, layout)) {
+    return nullptr;
+  }
+  return std::make_unique<PlyStream>(path, layout, options.environmentGiven);
+}
+
+}  // namespace trex::detail

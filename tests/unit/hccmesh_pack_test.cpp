@@ -1,0 +1,86 @@
+// Pages of clusters: lossless, small, and no damage leads anywhere but to an error.
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "hccmesh/pack.h"
+#include "hccmesh_meshes.h"
+
+using namespace hccm;
+using namespace hccm::test;
+
+namespace {
+
+using Blobs = std::vector<std::span<const std::byte>>;
+
+Blobs blobsOf(const Mesh& mesh) {
+  Blobs blobs;
+  for (std::uint32_t c = 0; c < mesh.clusterCount(); ++c) blobs.push_back(mesh.clusterBytes(c));
+  return blobs;
+}
+
+void expectSame(const Blobs& blobs, const ClusterPage& page) {
+  ASSERT_EQ(page.count(), blobs.size());
+  for (std::size_t i = 0; i < blobs.size(); ++i) {
+    ASSERT_EQ(page.offsets[i + 1] - page.offsets[i], blobs[i].size());
+    EXPECT_TRUE(std::equal(blobs[i].begin(), blobs[i].end(), page.blob(i))) << i;
+  }
+}
+
+}  // namespace
+
+TEST(HccMeshPack, BlobsComeBackBitForBit) {
+  Soup coloured = sheet(30);
+  coloured.colors.assign(coloured.positions.size(), glm::u8vec4(9, 8, 7, 6));
+  for (const Mesh& mesh : {build(sheet(60)), build(randomSoup(2000, 3.0f, 41)), build(coloured)}) {
+    const Blobs blobs = blobsOf(mesh);
+    const std::vector<std::byte> packed = packClusters(blobs);
+    const ClusterPage page = unpackClusters(packed);
+    EXPECT_EQ(unpackedBytes(packed), page.bytes.size());
+    expectSame(blobs, page);
+    EXPECT_EQ(packed, packClusters(blobs));
+  }
+}
+
+TEST(HccMeshPack, NoBlobsAreAPageToo) { EXPECT_EQ(unpackClusters(packClusters({})).count(), 0u); }
+
+TEST(HccMeshPack, WiderBoxesThanNeededAreKept) {
+  const Mesh mesh = build(sheet(20));
+  std::vector<std::vector<std::byte>> wide;
+  Blobs blobs;
+  for (const std::span<const std::byte> blob : blobsOf(mesh)) {
+    std::vector<std::byte>& copy = wide.emplace_back(blob.begin(), blob.end());
+    copy[36] = std::byte{0};  // lower x of the first leaf
+  }
+  for (const auto& blob : wide) blobs.emplace_back(blob);
+  expectSame(blobs, unpackClusters(packClusters(blobs)));
+}
+
+TEST(HccMeshPack, TakesFiveBytesATriangleOfADenseMesh) {
+  const Mesh mesh = build(sheet(500));
+  EXPECT_LT(double(packedBytes(mesh)) / double(mesh.triangleCount()), 5.0);
+  EXPECT_LT(packedBytes(mesh) * 10, mesh.bytes().size() * 8);
+}
+
+TEST(HccMeshPack, DamagedPagesAreRefusedOrHoldOtherValidClusters) {
+  const Mesh mesh = build(randomSoup(400, 1.0f, 42));
+  const std::vector<std::byte> good = packClusters(blobsOf(mesh));
+  std::mt19937 random(43);
+  int refused = 0;
+  for (int i = 0; i < 20000; ++i) {
+    std::vector<std::byte> b = good;
+    for (unsigned k = 0; k <= random() % 3; ++k)
+      b[(random() % 2 ? random() : random() % 600) % b.size()] = static_cast<std::byte>(random());
+    try {
+      unpackClusters(b);
+    } catch (const FormatError&) {
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, 10000);
+  for (std::size_t size = 0; size < good.size(); size += 7)
+    EXPECT_THROW(unpackClusters({good.data(), size}), FormatError) << size;
+  std::vector<std::byte> longer = good;
+  longer.push_back(std::byte{0});
+  EXPECT_THROW(unpackClusters(longer), FormatError);
+}
