@@ -159,8 +159,8 @@ Buffer withHeader(Change change) {
 TEST(BundleHostile, WrongMagicAndVersion) {
   EXPECT_NE(problem(withHeader([](auto& h) { h.magic[0] = 'X'; })).find("not a trex bundle"),
             std::string::npos);
-  const std::string version = problem(withHeader([](auto& h) { h.version = 2; }));
-  EXPECT_NE(version.find("version 2, this program reads 1; bake again"), std::string::npos);
+  const std::string version = problem(withHeader([](auto& h) { h.version = 1; }));
+  EXPECT_NE(version.find("version 1, this program reads 2; bake again"), std::string::npos);
   EXPECT_NE(problem(withHeader([](auto& h) { h.byteOrder = 0x04030201u; })).find("byte order"),
             std::string::npos);
 }

@@ -132,7 +132,7 @@ TEST(StreamBuild, ManyObjectsOfOneTriangleMakeMorePages) {
 
 TEST(StreamBuild, OneTriangle) {
   Soup soup;
-  soup.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  addCorners(soup, glm::vec3(0, 0, 0), glm::vec3(1, 0, 0), glm::vec3(0, 1, 0));
   soup.triangles = {{0, 1, 2}};
   Streamed s = stream(soup);
   EXPECT_EQ(s.table.triangles, 1u);
@@ -151,7 +151,8 @@ TEST(StreamBuild, NonFiniteAndFlatTrianglesAreDroppedAndCounted) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   const float inf = std::numeric_limits<float>::infinity();
   Soup soup;
-  soup.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {nan, 0, 0}, {0, inf, 0}, {0, 0, -inf}};
+  addCorners(soup, glm::vec3(0, 0, 0), glm::vec3(1, 0, 0), glm::vec3(0, 1, 0));
+  addCorners(soup, glm::vec3(nan, 0, 0), glm::vec3(0, inf, 0), glm::vec3(0, 0, -inf));
   soup.triangles = {{0, 1, 2}, {0, 1, 3}, {4, 1, 2}, {0, 5, 2}, {0, 0, 1}, {2, 1, 2}};
   const Streamed s = stream(soup);
   EXPECT_EQ(s.spill.given, 6u);
