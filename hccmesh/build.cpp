@@ -183,7 +183,7 @@ Bytes assemble(layout::Header& header, std::vector<Piece>& pieces) {
   }
   const std::uint64_t start = layout::firstBlob(clusters);
   header.byteSize = start + bytes + layout::kTailBytes;
-  if (clusters > 0xffffffffu || header.byteSize >> layout::kTableShift > 0xffffffffu)
+  if (clusters >= TopNode::kCluster || header.byteSize >> layout::kTableShift > 0xffffffffu)
     refuse("the mesh is over 64 GiB");
   header.clusterCount = static_cast<std::uint32_t>(clusters);
   Bytes out(header.byteSize);

@@ -2,18 +2,20 @@
 // buffer, after HCCMeshes [Kim et al., Eurographics 2010].
 //
 // PURPOSE. Trace meshes many times larger than what a plain triangle hierarchy lets fit in memory:
-// 8 to 10 bytes a triangle with all of the hierarchy inside a cluster (positions only; octahedral
-// normals add about 2.7). The caller puts a hierarchy of its choice over clusterBounds() and calls
+// 6 to 7 bytes a triangle with all of the hierarchy (positions only; octahedral normals add about
+// 2.5). A caller with a hierarchy or a cache of its own puts it over clusterBounds() and calls
 // intersect() for each cluster that a ray may meet.
 //
 // MEMORY LAYOUT (FORMAT.md has every byte).
 //
 //   header | cluster table | blob blob blob ... | 32 zero bytes
 //                             |
-//                             header 40 | boxes of leaves, 8 bits | leaf starts | topology, 3 x b
-//                             bits a triangle | vertices, wx+wy+wz bits each | attributes, if any
+//                             header 36 | boxes of leaves, 8 bits | leaves: strips of triangles |
+//                             vertices, wx+wy+wz bits each | attributes, if any
 //
-// A cluster is up to 128 triangles of one material and object, in leaves of up to 8.
+// The top level (top_level.h) is not stored: a Mesh builds it when it is made.
+//
+// A cluster is up to 256 triangles of one material and object, in leaves of up to 8.
 //
 // UNITS. Positions live on one integer grid for the whole mesh: step() is a power of two and
 // |grid| <= 2^23, so a grid coordinate is exact in a float. "Mesh space" is metres relative to
@@ -37,7 +39,7 @@
 // THREADS. A Mesh is immutable: all const calls may run at once. build(), fromBytes() and
 // fromView() use oneTBB. A PreparedRay and a Hit belong to one thread.
 //
-// LIMITS. 16 GiB a buffer; extents from 1e-26 (below: coarser) to 1e30 m; 2^32-1 clusters.
+// LIMITS. 64 GiB a buffer; extents from 1e-26 (below: coarser) to 1e30 m; 2^31-1 clusters.
 #pragma once
 
 #include <cstddef>

@@ -3,7 +3,6 @@
 // exactly rounded operations decide a hit (no fused multiply-add, no approximate reciprocal).
 #include "hccmesh/trace.h"
 
-#include <algorithm>
 #include <bit>
 #include <cstring>
 #include <limits>
@@ -45,7 +44,6 @@ static_assert(kLanes == 4 || kLanes == 8);
 struct Cluster {
   const std::uint8_t* vertices;
   std::uint32_t vertexBits, widthXy;
-  bool isWide;  // x and y fit in one word of 64 bits at any bit of a byte, z in the next
   std::uint32_t shift[3], mask[3];
   std::int32_t anchor[3];
 };
@@ -57,7 +55,6 @@ HWY_INLINE Cluster openCluster(const std::uint8_t* blob, const layout::ClusterHe
   const std::uint32_t shifts[3] = {0u, h.width[0], std::uint32_t(h.width[0]) + h.width[1]};
   c.vertexBits = h.vertexBits();
   c.widthXy = shifts[2];
-  c.isWide = c.vertexBits > 57;
   for (int i = 0; i < 3; ++i) {
     const int k = ray.axis[i];
     c.shift[i] = shifts[k];
@@ -67,23 +64,56 @@ HWY_INLINE Cluster openCluster(const std::uint8_t* blob, const layout::ClusterHe
   return c;
 }
 
-// A 64-bit word for each lane: in one vector where registers are wide enough, else in two.
+// The 64 bits of a stream from bit `bit` on, for each lane; 57 of them are good. In one vector
+// where registers are wide enough, else in two.
 #if HWY_TARGET <= HWY_AVX3
 using DQ = hn::Rebind<std::uint64_t, DU>;
 struct Words {
   hn::Vec<DQ> all;
 };
-HWY_INLINE Words loadWords(const std::uint64_t* at) { return {hn::Load(DQ(), at)}; }
+HWY_INLINE Words fetchWords(const std::uint8_t* base, VU bit) {
+  const DU du;
+  const DQ dq;
+  const hn::RebindToSigned<DQ> ds;
+  const auto byte = hn::BitCast(ds, hn::PromoteTo(dq, hn::ShiftRight<3>(bit)));
+  const auto word = hn::GatherOffset(dq, reinterpret_cast<const std::uint64_t*>(base), byte);
+  return {hn::Shr(word, hn::PromoteTo(dq, hn::And(bit, hn::Set(du, 7u))))};
+}
 HWY_INLINE VU lowHalves(const Words& w, std::uint32_t shift) {
   return hn::TruncateTo(DU(), hn::ShiftRightSame(w.all, static_cast<int>(shift)));
 }
 #else
-using DQ = hn::Repartition<std::uint64_t, DU>;
+using DUHalf = hn::Half<DU>;
+using DQ = hn::Rebind<std::uint64_t, DUHalf>;
 struct Words {
   hn::Vec<DQ> low, high;
 };
-HWY_INLINE Words loadWords(const std::uint64_t* at) {
-  return {hn::Load(DQ(), at), hn::Load(DQ(), at + hn::MaxLanes(DQ()))};
+// One load each: gathers are slower, and so is a vector load of words that were just stored.
+HWY_INLINE hn::Vec<DQ> load64s(const std::uint8_t* base, const std::uint32_t* offset) {
+  const auto at = [&](std::size_t i) {
+    long long word;
+    std::memcpy(&word, base + offset[i], sizeof(word));
+    return word;
+  };
+#if HWY_TARGET <= HWY_AVX2 && HWY_ARCH_X86_64
+  return hn::Vec<DQ>{_mm256_set_epi64x(at(3), at(2), at(1), at(0))};
+#elif HWY_ARCH_X86_64
+  return hn::Vec<DQ>{_mm_set_epi64x(at(1), at(0))};
+#else
+  alignas(16) std::uint64_t words[hn::MaxLanes(DQ())];
+  for (std::size_t i = 0; i < hn::MaxLanes(DQ()); ++i) words[i] = static_cast<std::uint64_t>(at(i));
+  return hn::Load(DQ(), words);
+#endif
+}
+HWY_INLINE Words fetchWords(const std::uint8_t* base, VU bit) {
+  const DU du;
+  const DUHalf dh;
+  const DQ dq;
+  alignas(32) std::uint32_t byte[kLanes];
+  hn::Store(hn::ShiftRight<3>(bit), du, byte);
+  const VU shift = hn::And(bit, hn::Set(du, 7u));
+  return {hn::Shr(load64s(base, byte), hn::PromoteTo(dq, hn::LowerHalf(dh, shift))),
+          hn::Shr(load64s(base, byte + kLanes / 2), hn::PromoteTo(dq, hn::UpperHalf(dh, shift)))};
 }
 HWY_INLINE VU lowHalves(const Words& w, std::uint32_t shift) {
   const DU du;
@@ -93,28 +123,25 @@ HWY_INLINE VU lowHalves(const Words& w, std::uint32_t shift) {
 }
 #endif
 
-HWY_INLINE std::uint64_t load64(const std::uint8_t* at) {
-  std::uint64_t word;
-  std::memcpy(&word, at, sizeof(word));
-  return word;
-}
-
 struct Vertex {
   VF x, y, z;  // sheared to the ray's frame; z along the ray in units of its direction, cells
 };
 
 // One rounding of exact integers and the ray's own origin, then operations on these alone: equal
 // vertices of two clusters give equal bits.
-HWY_INLINE Vertex decodeVertex(const Cluster& c, const PreparedRay& ray, const Words& words,
-                               const Words& zWords) {
+HWY_INLINE Vertex decodeVertex(const Cluster& c, const PreparedRay& ray, VU index) {
   const DF df;
   const DI di;
   const DU du;
+  const VU bit = hn::Mul(index, hn::Set(du, c.vertexBits));
+  const Words words = fetchWords(c.vertices, bit);
   VU offset[3];
   for (int i = 0; i < 3; ++i) offset[i] = lowHalves(words, c.shift[i]);
-  if (HWY_UNLIKELY(c.isWide))
+  if (HWY_UNLIKELY(c.vertexBits > 57)) {  // x and y fit in one word, z in the next
+    const Words zWords = fetchWords(c.vertices, hn::Add(bit, hn::Set(du, c.widthXy)));
     for (int i = 0; i < 3; ++i)
       if (ray.axis[i] == 2) offset[i] = lowHalves(zWords, 0);
+  }
   VF p[3];
   for (int i = 0; i < 3; ++i) {
     const VU masked = hn::And(offset[i], hn::Set(du, c.mask[i]));
@@ -136,6 +163,11 @@ struct LeafCode {
 };
 
 #if HWY_TARGET <= HWY_AVX2 && HWY_ARCH_X86_64
+HWY_INLINE std::uint64_t load64(const std::uint8_t* at) {
+  std::uint64_t word;
+  std::memcpy(&word, at, sizeof(word));
+  return word;
+}
 // readLeaf() without loops: bits are spread over nibbles or bytes, which select what goes there.
 HWY_INLINE LeafCode decodeLeaf(const std::uint8_t* record) {
   constexpr std::uint64_t kNibbles = 0x1111111111111111ull, kBytes = 0x0101010101010101ull;
@@ -201,16 +233,11 @@ HWY_INLINE LeafCode decodeLeaf(const std::uint8_t* record) {
 class LocalVertices {
  public:
   HWY_INLINE LocalVertices(const Cluster& c, const LeafCode& leaf, const PreparedRay& ray) {
-    alignas(64) std::uint64_t words[layout::kMaxEntries] = {}, zWords[layout::kMaxEntries];
-    fetch(c, leaf, 0, words);
-    if (HWY_UNLIKELY(c.isWide)) {
-      std::fill_n(zWords, layout::kMaxEntries, 0u);
-      fetch(c, leaf, c.widthXy, zWords);
-    }
-    for (std::size_t i = 0; i < kMost && i * kLanes < leaf.locals; ++i) {
-      const Words w = loadWords(words + i * kLanes);
-      set(i, decodeVertex(c, ray, w, c.isWide ? loadWords(zWords + i * kLanes) : w));
-    }
+    const DU du;
+    const DB db;
+    const auto* numbers = reinterpret_cast<const std::uint8_t*>(leaf.vertex);
+    for (std::size_t i = 0; i < kMost && i * kLanes < leaf.locals; ++i)
+      set(i, decodeVertex(c, ray, hn::PromoteTo(du, hn::LoadU(db, numbers + i * kLanes))));
     wide_ = leaf.locals > kLanes;
   }
   // Those of kLanes triangles from `first`, from nibbles of local numbers.
@@ -223,19 +250,6 @@ class LocalVertices {
 
  private:
   static constexpr std::size_t kMost = layout::kMaxEntries / kLanes;
-  // For each local number the stream's bits from `skip` bits behind the start of its vertex. (One
-  // load each: gathers are no faster.)
-  HWY_INLINE static void fetch(const Cluster& c, const LeafCode& leaf, std::uint32_t skip,
-                               std::uint64_t* words) {
-    for (std::uint32_t half = 0; half < 2; ++half) {
-      std::uint64_t numbers = leaf.vertex[half];
-      const std::uint32_t end = leaf.locals < 8 * half + 8 ? leaf.locals : 8 * half + 8;
-      for (std::uint32_t i = 8 * half; i < end; ++i, numbers >>= 8) {
-        const std::uint32_t bit = static_cast<std::uint32_t>(numbers & 255u) * c.vertexBits + skip;
-        words[i] = load64(c.vertices + bit / 8) >> (bit & 7u);
-      }
-    }
-  }
 #if HWY_TARGET <= HWY_AVX2
   HWY_INLINE void set(std::size_t i, const Vertex& v) { x_[i] = v.x, y_[i] = v.y, z_[i] = v.z; }
   HWY_INLINE VF at(const VF* table, VU number) const {
