@@ -34,7 +34,7 @@ struct ModelOptions {
   std::uint64_t voxelBytes = 0;  ///< limit of their arrays with light; 0: none
   int precisionBits = 24;        ///< grid cells along a mesh's largest extent: 2^bits, 8..24
   std::uint64_t cacheBytes = 0;  ///< limit of pages in memory; 0: all of them
-  PagedSizes paged;              ///< set by who opens a bundle, before it asks for the others
+  PagedSizes paged = {};         ///< set by who opens a bundle, before it asks for the others
 };
 
 /// Builds what the scene and the options require. Throws Error. Uses the calling oneTBB arena.
