@@ -110,8 +110,8 @@ class BitWriter {
   std::uint32_t at_ = 0;
 };
 
-// A leaf's record, at most kMaxRecord bytes; `used` vertices have been used by leaves before.
-constexpr std::uint32_t kMaxRecord = 32;
+// A leaf's record, at most layout::kMaxRecord bytes; `used` vertices have been used by leaves before.
+constexpr std::uint32_t kRecordRoom = 32;  // writing touches whole words
 std::uint32_t writeRecord(const Strip& strip, std::uint32_t& used, std::byte* out) {
   std::array<std::uint16_t, layout::kMaxEntries> local;
   std::uint32_t locals = 0, fresh = 0, next = 0;
@@ -157,7 +157,7 @@ class BlobWriter {
 
  private:
   void writeRecords() {
-    records_.resize(in_.leaves.size() * kMaxRecord);
+    records_.resize(in_.leaves.size() * kRecordRoom);
     std::uint32_t used = 0;
     for (const Strip& leaf : in_.leaves) {
       recordStarts_.push_back(recordBytes_);

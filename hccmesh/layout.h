@@ -15,6 +15,7 @@ inline constexpr char kMagic[4] = {'H', 'C', 'C', 'M'};
 inline constexpr std::uint32_t kMaxTriangles = 256, kMaxVertices = 255, kMaxLeaves = 64;
 inline constexpr std::uint32_t kLeafSize = 8;     ///< triangles of a leaf, lanes of a test
 inline constexpr std::uint32_t kMaxEntries = 16;  ///< of a leaf's strip
+inline constexpr std::uint32_t kMaxRecord = 24;   ///< bytes of a leaf's record
 inline constexpr std::uint64_t kTailBytes = 32;   ///< wide loads may touch them
 inline constexpr std::uint32_t kTableShift = 4;   ///< blobs start at multiples of 16 bytes
 inline constexpr std::uint32_t kBlobUnit = 1u << kTableShift;

@@ -32,7 +32,6 @@ using Header = layout::ClusterHeader;
 constexpr int kLevel = 3;
 constexpr std::size_t kHeadBytes = 12;
 constexpr std::uint32_t kRaw = 0, kArranged = 1;
-constexpr std::uint32_t kMaxRecord = 24;
 
 [[noreturn]] void refuse(const char* what) {
   throw FormatError(std::string("not a valid page of clusters: ") + what);
@@ -190,12 +189,12 @@ class Assembler {
   Assembler(Streams& streams, std::uint64_t bytes) : in_(streams) {
     page_.bytes.resize(bytes + layout::kTailBytes);
     // A record is read in words.
-    in_.heads.resize(in_.heads.size() + kMaxRecord + 8);
+    in_.heads.resize(in_.heads.size() + layout::kMaxRecord + 8);
   }
 
   void add(const Header& header) {
     Header h = header;
-    std::array<std::byte, layout::kMaxLeaves*(kMaxRecord + 8)> records{};
+    std::array<std::byte, layout::kMaxLeaves*(layout::kMaxRecord + 8)> records{};
     std::uint32_t used = 0, end = 0;
     if (h.leafCount < 1 || h.leafCount > layout::kMaxLeaves) refuse("wrong leaf count");
     for (std::uint32_t i = 0; i < h.leafCount; ++i) {
@@ -233,19 +232,19 @@ class Assembler {
 
  private:
   LeafTopology readRecord(std::byte* record, std::uint32_t used) {
-    if (head_ + kMaxRecord + 8 > in_.heads.size()) refuse("too few leaves");
+    if (head_ + layout::kMaxRecord + 8 > in_.heads.size()) refuse("too few leaves");
     if (used > 255) refuse("too many vertices");
     record[0] = static_cast<std::byte>(used);
-    std::memcpy(record + 1, in_.heads.data() + head_, kMaxRecord - 1);
+    std::memcpy(record + 1, in_.heads.data() + head_, layout::kMaxRecord - 1);
     const LeafTopology leaf = readLeaf(record);
     head_ += leaf.headBytes - 1;
     const std::uint32_t count = leaf.bytes - leaf.headBytes;
-    if (leaf.bytes > kMaxRecord || count > in_.references.size() - reference_)
+    if (leaf.bytes > layout::kMaxRecord || count > in_.references.size() - reference_)
       refuse("too few references");
     for (std::uint32_t i = 0; i < count; ++i)
       record[leaf.headBytes + i] = static_cast<std::byte>(
           used - 1u - std::to_integer<std::uint32_t>(in_.references[reference_++]));
-    std::fill(record + leaf.bytes, record + kMaxRecord + 8, std::byte{0});
+    std::fill(record + leaf.bytes, record + layout::kMaxRecord + 8, std::byte{0});
     const LeafTopology whole = readLeaf(record);
     if (!whole.canonical || used + whole.fresh > layout::kMaxVertices) refuse("a damaged leaf");
     return whole;

@@ -160,12 +160,9 @@ void writeHeatMap(const DiffArguments& a, const ImageDiff& diff) {
   if (isPng(a.output)) {
     heat.channels = {"R", "G", "B"};
     heat.values.clear();
-    const auto decode = [](float x) {
-      return x <= 0.04045f ? x / 12.92f : std::pow((x + 0.055f) / 1.055f, 2.4f);
-    };
     for (float error : map) {
       const vec3 c = magma(error);
-      heat.values.insert(heat.values.end(), {decode(c.x), decode(c.y), decode(c.z)});
+      heat.values.insert(heat.values.end(), {decodeSrgb(c.x), decodeSrgb(c.y), decodeSrgb(c.z)});
     }
   }
   writePicture(a.output, heat, ToneMap{});

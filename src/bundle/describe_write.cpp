@@ -40,7 +40,7 @@ void put(Json& out, const char* key, const Texture& t) {
               {"scale", jsonList(t.scale)}, {"rotation", t.rotation}};
 }
 
-Json json(const Material& m) {
+Json toJson(const Material& m) {
   Json out = materialJson(m);
   put(out, "base_color_texture", m.baseColorTexture);
   put(out, "metallic_roughness_texture", m.metallicRoughnessTexture);
@@ -52,22 +52,22 @@ Json json(const Material& m) {
   return out;
 }
 
-Json json(const Light& l) { return lightJson(l); }
-Json json(const Camera& c) { return cameraJson(c); }
+Json toJson(const Light& l) { return lightJson(l); }
+Json toJson(const Camera& c) { return cameraJson(c); }
 
-Json json(const Instance& i) {
+Json toJson(const Instance& i) {
   return {
       {"name", i.name}, {"mesh", i.mesh}, {"object", i.object}, {"transform", list(i.transform)}};
 }
 
-Json json(const BakedFile& f) {
+Json toJson(const BakedFile& f) {
   return {{"path", f.file.path},
           {"bytes", f.file.bytes},
           {"modified_nanoseconds", f.file.modifiedNanoseconds},
           {"xxh3", fmt::format("{:016x}", f.hash)}};
 }
 
-Json json(const Requirement& r) {
+Json toJson(const Requirement& r) {
   return {{"name", r.name},
           {"required", r.required},
           {"reason", r.reason},
@@ -94,7 +94,7 @@ Json meshes(const Description& d) {
   return out;
 }
 
-Json json(const Environment& environment) {
+Json toJson(const Environment& environment) {
   Json out = {{"color", jsonList(environment.color)}};
   if (environment.map) out["map"] = size(*environment.map, true);
   return out;
@@ -108,7 +108,7 @@ std::string writeDescription(const Description& d) {
   for (std::size_t i = 0; i < scene.images.size(); ++i) {
     images.push_back(size(scene.images[i], d.floatImages[i]));
   }
-  const auto plain = [](const auto& item) { return json(item); };
+  const auto plain = [](const auto& item) { return toJson(item); };
   const Json out = {{"trex", kSceneVersion},
                     {"baked_by", d.bakedBy},
                     {"input", d.input},
@@ -121,7 +121,7 @@ std::string writeDescription(const Description& d) {
                     {"render_origin", jsonList(d.renderOrigin)},
                     {"cameras", each(scene.cameras, plain)},
                     {"lights", each(scene.lights, plain)},
-                    {"environment", json(scene.environment)},
+                    {"environment", toJson(scene.environment)},
                     {"images", images},
                     {"materials", each(scene.materials, plain)},
                     {"meshes", meshes(d)},

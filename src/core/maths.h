@@ -30,6 +30,17 @@ inline float maxComponent(const vec3& v) { return std::max(v.x, std::max(v.y, v.
 /// Relative luminance of linear Rec. 709 (the sRGB primaries).
 inline float luminance(const vec3& c) { return 0.2126f * c.x + 0.7152f * c.y + 0.0722f * c.z; }
 
+/// The transfer function of sRGB [IEC 61966-2-1]: linear to encoded and back; x in [0, 1].
+inline float encodeSrgb(float x) {
+  return x <= 0.0031308f ? 12.92f * x : 1.055f * std::pow(x, 1.0f / 2.4f) - 0.055f;
+}
+inline float decodeSrgb(float x) {
+  return x <= 0.04045f ? x / 12.92f : std::pow((x + 0.055f) / 1.055f, 2.4f);
+}
+inline float decodeSrgb8(std::uint8_t byte) {
+  return decodeSrgb(static_cast<float>(byte) / 255.0f);
+}
+
 /// An orthonormal basis around the unit vector n, without branches on n.z's neighbourhood
 /// [Duff et al., JCGT 2017].
 struct Basis {

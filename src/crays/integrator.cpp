@@ -17,11 +17,6 @@ float powerHeuristic(float a, float b) {
   return 1.0f / (1.0f + ratio * ratio);
 }
 
-vec3 leave(const Surface& surface, const vec3& direction) {
-  const float side = glm::dot(surface.geometricNormal, direction) >= 0.0f ? 1.0f : -1.0f;
-  return surface.position + surface.geometricNormal * (side * surface.error);
-}
-
 }  // namespace
 
 CameraRays::CameraRays(const Camera& camera, const dvec3& renderOrigin, std::uint32_t width,
@@ -163,7 +158,7 @@ bool Integrator::meet(Path& path) const {
   if (path.absorption != vec3(0.0f)) path.throughput *= glm::exp(-path.absorption * path.hit.t);
 
   if (bsdf.coverage() < 1.0f && path.sampler.next1D() >= bsdf.coverage()) {
-    path.origin = leave(surface, path.direction);
+    path.origin = surface.leave(path.direction);
     path.tnear = 0.0f;
     path.travelled += path.hit.t;
     path.length += path.hit.t;
@@ -228,7 +223,7 @@ float Integrator::visibility(Path& path, const vec3& origin, const vec3& directi
     if (!rays_.intersect(from, direction, 0.0f, end - start, hit)) return passed;
     const Surface surface = rays_.surface(hit);
     passed *= 1.0f - Bsdf(scene_, surface, -direction).coverage();
-    from = leave(surface, direction);
+    from = surface.leave(direction);
     start += hit.t;
   }
   return passed > 1e-4f ? passed : 0.0f;
@@ -244,7 +239,7 @@ void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsd
   if (maxComponent(f) <= 0.0f) return;
   const vec3 unweighted = path.throughput * f * light.radiance / light.pdf;
   const float weight = light.delta ? 1.0f : powerHeuristic(light.pdf, bsdf.pdf(light.direction));
-  const vec3 origin = leave(surface, light.direction);
+  const vec3 origin = surface.leave(light.direction);
   const bool direct = path.scattered == 0;
   // A cone vertex gathers its far field without emission, so a far emitter is light sampling's
   // alone.
@@ -303,7 +298,7 @@ bool Integrator::scatter(Path& path, const Surface& surface, const Bsdf& bsdf,
   }
   if (!(maxComponent(path.throughput) > 0.0f)) return false;
   path.vertex = surface.position;
-  path.origin = leave(surface, next.direction);
+  path.origin = surface.leave(next.direction);
   path.direction = next.direction;
   path.tnear = path.travelled = 0.0f;
   path.scatterPdf = next.delta ? kInfinity : next.pdf;

@@ -15,10 +15,10 @@
 namespace trex {
 namespace {
 
-constexpr int kMostBounces = 32;     // of an importon, mirrors included
+constexpr int kImportonBounces = 32;     // of an importon, mirrors included
 constexpr int kMarks = 3;            // diffuse bounces of an importon
 constexpr std::uint32_t kLooks = 2;  // rays towards the outside from each marked place
-constexpr int kMostLayers = 8;       // of glass or leaves that such a ray may pass
+constexpr int kLookLayers = 8;       // of glass or leaves that such a ray may pass
 
 constexpr std::size_t kMostPoints = 1u << 17;  // enough known: later photons teach nothing new
 constexpr std::size_t kFewestPoints = 32;      // before that the guide stays uniform
@@ -40,16 +40,11 @@ struct ImportanceMap::Trace {
 
 namespace {
 
-vec3 leave(const Surface& surface, const vec3& direction) {
-  const float side = glm::dot(surface.geometricNormal, direction) >= 0.0f ? 1.0f : -1.0f;
-  return surface.position + surface.geometricNormal * (side * surface.error);
-}
-
 /// Whether a ray reaches the outside through nothing but clear layers; origin and direction become
 /// those of its last piece.
 bool escape(const Scene& scene, const RayScene& rays, Sampler& sampler, vec3& origin,
             vec3& direction) {
-  for (int layer = 0; layer < kMostLayers; ++layer) {
+  for (int layer = 0; layer < kLookLayers; ++layer) {
     RayHit hit;
     if (!rays.intersect(origin, direction, 0.0f, kInfinity, hit)) return true;
     const Surface surface = rays.surface(hit);
@@ -60,7 +55,7 @@ bool escape(const Scene& scene, const RayScene& rays, Sampler& sampler, vec3& or
       if (!bsdf.onlyDelta() || !bsdf.sample(sampler, next)) return false;
       direction = next.direction;
     }
-    origin = leave(surface, direction);
+    origin = surface.leave(direction);
   }
   return false;
 }
@@ -82,7 +77,7 @@ ImportanceMap::ImportanceMap(const Scene& scene, const RayScene& rays, const Cam
     camera.ray(place.x * static_cast<float>(width), place.y * static_cast<float>(height), origin,
                direction);
     bool scattered = false;  // light cached at the next surface would be read
-    for (int bounce = 0; bounce < kMostBounces && out.count < kMarks; ++bounce) {
+    for (int bounce = 0; bounce < kImportonBounces && out.count < kMarks; ++bounce) {
       RayHit hit;
       if (!rays.intersect(origin, direction, 0.0f, kInfinity, hit)) return;
       const Surface surface = rays.surface(hit);
@@ -92,7 +87,7 @@ ImportanceMap::ImportanceMap(const Scene& scene, const RayScene& rays, const Cam
         if (scattered && bsdf.cacheable()) {
           Trace::Mark& mark = out.marks[out.count++];
           mark.normal = bsdf.geometricNormal();
-          mark.position = leave(surface, mark.normal);
+          mark.position = surface.leave(mark.normal);
           for (std::uint32_t look = 0; look < kLooks; ++look) {
             vec3 from = mark.position,
                  to = Basis(mark.normal).toWorld(cosineSample(sampler.next2D()));
@@ -107,7 +102,7 @@ ImportanceMap::ImportanceMap(const Scene& scene, const RayScene& rays, const Cam
         direction = next.direction;
         scattered = !next.delta;
       }
-      origin = leave(surface, direction);
+      origin = surface.leave(direction);
     }
   };
   std::vector<Trace> traces(paths);

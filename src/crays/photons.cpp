@@ -10,7 +10,7 @@
 namespace trex {
 namespace {
 
-constexpr int kMostBounces = 64;
+constexpr int kPhotonBounces = 64;
 constexpr std::uint64_t kChunk = 1024;
 
 /// Follows one photon; false if it never lands.
@@ -18,7 +18,7 @@ bool land(const Scene& scene, const RayScene& rays, Sampler& sampler, const Emit
           LandedPhoton& out) {
   vec3 origin = photon.origin, direction = photon.direction, power = photon.power;
   const float start = maxComponent(power);
-  for (int bounce = 0; bounce < kMostBounces; ++bounce) {
+  for (int bounce = 0; bounce < kPhotonBounces; ++bounce) {
     RayHit hit;
     if (!rays.intersect(origin, direction, 0.0f, kInfinity, hit)) return false;
     const Surface surface = rays.surface(hit);
@@ -40,8 +40,7 @@ bool land(const Scene& scene, const RayScene& rays, Sampler& sampler, const Emit
       power /= survival;
     }
     direction = next.direction;
-    const float side = glm::dot(surface.geometricNormal, direction) >= 0.0f ? 1.0f : -1.0f;
-    origin = surface.position + surface.geometricNormal * (side * surface.error);
+    origin = surface.leave(direction);
   }
   return false;
 }

@@ -36,6 +36,12 @@ struct Surface {
   vec4 color;  ///< vertex colour, one if none
   std::uint32_t material, object;
   float error;  ///< metres: distance to leave the surface by, so that a new ray misses it
+
+  /// Where a new ray along `direction` starts.
+  vec3 leave(const vec3& direction) const {
+    const float side = glm::dot(geometricNormal, direction) >= 0.0f ? 1.0f : -1.0f;
+    return position + geometricNormal * (side * error);
+  }
 };
 
 /// Whether a material reads any texture: texture coordinates are stored just for these.

@@ -1,5 +1,7 @@
 #include "src/frame/image_diff.h"
 
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -19,12 +21,6 @@ std::vector<std::string> missing(const Picture& from, const Picture& in) {
                [&](const std::string& name) { return channelIndex(in, name) < 0; });
   std::sort(names.begin(), names.end());
   return names;
-}
-
-std::string joined(const std::vector<std::string>& names) {
-  std::string text;
-  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
-  return text;
 }
 
 NonFinite findNonFinite(const Picture& picture) {
@@ -68,8 +64,8 @@ void findHardDifferences(const Picture& a, const Picture& b, ImageDiff& out) {
   }
   out.onlyInA = missing(a, b);
   out.onlyInB = missing(b, a);
-  if (!out.onlyInA.empty()) out.reasons.push_back("channels only in A: " + joined(out.onlyInA));
-  if (!out.onlyInB.empty()) out.reasons.push_back("channels only in B: " + joined(out.onlyInB));
+  if (!out.onlyInA.empty()) out.reasons.push_back(fmt::format("channels only in A: {}", fmt::join(out.onlyInA, ", ")));
+  if (!out.onlyInB.empty()) out.reasons.push_back(fmt::format("channels only in B: {}", fmt::join(out.onlyInB, ", ")));
   out.nonFiniteA = findNonFinite(a);
   out.nonFiniteB = findNonFinite(b);
   for (const auto& [name, found] : {std::pair{"A", &out.nonFiniteA}, {"B", &out.nonFiniteB}}) {
@@ -78,10 +74,6 @@ void findHardDifferences(const Picture& a, const Picture& b, ImageDiff& out) {
         fmt::format("{} values of {} are not finite; the first: {} of pixel {},{}", found->count,
                     name, found->channel, found->x, found->y));
   }
-}
-
-float encodeSrgb(float x) {
-  return x <= 0.0031308f ? 12.92f * x : 1.055f * std::pow(x, 1.0f / 2.4f) - 0.055f;
 }
 
 std::optional<double> psnr(const ColorImage& a, const ColorImage& b) {

@@ -21,10 +21,6 @@ std::string lowerExtension(const fs::path& path) {
   return extension;
 }
 
-float encodeSrgb(float x) {
-  return x <= 0.0031308f ? 12.92f * x : 1.055f * std::pow(x, 1.0f / 2.4f) - 0.055f;
-}
-
 void writeBuffer(const fs::path& path, const fs::path& target, const OIIO::ImageSpec& spec,
                  OIIO::TypeDesc type, const void* data) {
   const std::unique_ptr<OIIO::ImageOutput> out = OIIO::ImageOutput::create(path.string());

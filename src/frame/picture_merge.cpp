@@ -1,5 +1,7 @@
 #include "src/frame/picture_merge.h"
 
+#include <fmt/ranges.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
@@ -40,12 +42,6 @@ std::vector<std::string> split(const std::string& text) {
     at = end + 1;
   }
   return parts;
-}
-
-std::string joined(const std::vector<std::string>& parts) {
-  std::string text;
-  for (const std::string& part : parts) text += (text.empty() ? "" : ",") + part;
-  return text;
 }
 
 void checkLayers(const Picture& picture, const std::string& name) {
@@ -190,7 +186,7 @@ Picture PictureMerger::result() const {
     }
     out.values[i] = static_cast<float>(value);
   }
-  put(out, "trex:seed", joined(seeds_));
+  put(out, "trex:seed", fmt::format("{}", fmt::join(seeds_, ",")));
   put(out, "trex:samples", std::to_string(samples_));
   if (!metadata(out, "trex:nonFiniteSamples").empty()) {
     put(out, "trex:nonFiniteSamples", std::to_string(nonFinite_));

@@ -112,10 +112,6 @@ void readRows(OIIO::ImageInput& input, const std::string& name, Picture& picture
   }
 }
 
-float decodeSrgb(float x) {
-  return x <= 0.04045f ? x / 12.92f : std::pow((x + 0.055f) / 1.055f, 2.4f);
-}
-
 void decodeColors(Picture& picture) {
   const std::size_t stride = picture.channels.size();
   for (std::size_t c = 0; c < stride; ++c) {

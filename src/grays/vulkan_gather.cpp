@@ -10,12 +10,12 @@ namespace trex {
 
 namespace {
 
-/// Push constants of gather.comp.
-struct Push {
+/// GatherPush constants of gather.comp.
+struct GatherPush {
   asvo::AsvoInfo info;
   std::uint32_t gridLevel, first, end;
 };
-static_assert(sizeof(Push) == 44);
+static_assert(sizeof(GatherPush) == 44);
 
 // A software device gathers texels with vector instructions but fetches from storage buffers lane
 // by lane. GPUs read both alike and keep the format the tree is stored in.
@@ -64,7 +64,7 @@ void GatherPass::grow(Slot& slot, std::size_t count) {
                                                    .spirv = gatherShader(tree_.texels),
                                                    .bindings = 7,
                                                    .texelWords = tree_.texelWords(),
-                                                   .pushBytes = sizeof(Push),
+                                                   .pushBytes = sizeof(GatherPush),
                                                    .constants = {workgroupSize(device_)}});
   }
   if (count <= slot.capacity) return;
@@ -97,7 +97,7 @@ int GatherPass::submit(std::span<const shaderio::GatherQuery> queries) {
   const auto count = static_cast<std::uint32_t>(queries.size());
   for (std::uint64_t first = 0; first < count; first += slice) {
     const auto end = static_cast<std::uint32_t>(std::min<std::uint64_t>(count, first + slice));
-    const Push push{tree_.info, tree_.gridLevel, static_cast<std::uint32_t>(first), end};
+    const GatherPush push{tree_.info, tree_.gridLevel, static_cast<std::uint32_t>(first), end};
     const auto groups = static_cast<std::uint32_t>((end - first + size - 1) / size);
     slot.batch->dispatch(*kernel_, *slot.bindings, std::as_bytes(std::span(&push, 1)), groups);
   }

@@ -11,13 +11,13 @@ namespace trex {
 
 namespace {
 
-/// Push constants of photons.comp.
-struct Push {
+/// PhotonPush constants of photons.comp.
+struct PhotonPush {
   asvo::AsvoInfo info;
   std::uint32_t gridLevel, first, end, stride, materialCount;
   float countsPerWatt;
 };
-static_assert(sizeof(Push) == 56);
+static_assert(sizeof(PhotonPush) == 56);
 
 /// Photons that share an invocation: enough to even out the lengths of their paths, but not so many
 /// that a wide device is left without work.
@@ -61,7 +61,7 @@ void PhotonPass::makeKernel() {
                                                  .spirv = photonShader(tree_.texels),
                                                  .bindings = 10,
                                                  .texelWords = tree_.texelWords(),
-                                                 .pushBytes = sizeof(Push),
+                                                 .pushBytes = sizeof(PhotonPush),
                                                  .constants = {workgroupSize(device_)}});
   const std::array<const vulkan::Buffer*, 10> buffers = {
       &tree_.nodes, &tree_.voxels, &tree_.leaves, &tree_.light, &tree_.grid,
@@ -95,7 +95,7 @@ void PhotonPass::traceSlice(std::span<const shaderio::PhotonRecord> records, flo
       std::min(count, std::max(kLeastInvocations, count / kPhotonsPerInvocation));
   const std::uint32_t groups =
       std::min((wanted + size - 1) / size, device_.info().maxWorkgroupCount);
-  const Push push{tree_.info,     tree_.gridLevel, 0, count, groups * size,
+  const PhotonPush push{tree_.info,     tree_.gridLevel, 0, count, groups * size,
                   materialCount_, countsPerWatt};
   batch_.dispatch(*kernel_, *bindings_, std::as_bytes(std::span(&push, 1)), groups);
   batch_.submit();

@@ -123,7 +123,7 @@ Image decodeImage(std::span<const std::uint8_t> file, const std::string& name, b
     const int colors = image.channels == 2 ? 1 : std::min(image.channels, 3);
     for (std::size_t i = 0; i < count; ++i) {
       if (static_cast<int>(i % image.channels) < colors) {
-        image.floats[i] = srgbToLinear(image.floats[i]);
+        image.floats[i] = decodeSrgb(image.floats[i]);
       }
     }
   }

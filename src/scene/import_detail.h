@@ -64,9 +64,6 @@ class LocalFrame {
   dvec3 origin_{0.0};
 };
 
-/// The sRGB transfer function, [0, 1] to [0, 1] (IEC 61966-2-1).
-float srgbToLinear(float encoded);
-
 /// [0, 1] to 0..255, rounded; not-a-number becomes 0.
 std::uint8_t toUnorm8(float value);
 

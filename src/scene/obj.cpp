@@ -147,7 +147,7 @@ class ObjReader {
     }
     if (count < 3) return;  // none, or a weight
     const auto channel = [&](std::size_t i) {
-      return toUnorm8(srgbToLinear(std::clamp(extra[i + (count == 4)], 0.0f, 1.0f)));
+      return toUnorm8(decodeSrgb(std::clamp(extra[i + (count == 4)], 0.0f, 1.0f)));
     };
     // Vertices before the first coloured one are white.
     colors_.resize(positions_.size() - 1, glm::u8vec4(255));

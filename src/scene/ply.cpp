@@ -304,7 +304,7 @@ class PlyReader {
     if (colors) mesh_.colors.reserve(element.count);
     const auto channel = [&](Slot slot, bool decode) {
       const float c = static_cast<float>(value[slot] / divisor[slot]);
-      return toUnorm8(decode ? srgbToLinear(c) : c);
+      return toUnorm8(decode ? decodeSrgb(c) : c);
     };
     for (std::uint64_t i = 0; i < element.count; ++i) {
       for (std::size_t k = 0; k < slots.size(); ++k) {

@@ -130,10 +130,6 @@ void removeEmptyMeshes(Scene& scene) {
   for (Instance& instance : scene.instances) instance.mesh = newIndex[instance.mesh];
 }
 
-float srgbToLinear(float encoded) {
-  return encoded <= 0.04045f ? encoded / 12.92f : std::pow((encoded + 0.055f) / 1.055f, 2.4f);
-}
-
 std::uint8_t toUnorm8(float value) {
   if (!(value > 0.0f)) return 0;
   return static_cast<std::uint8_t>(std::min(value, 1.0f) * 255.0f + 0.5f);

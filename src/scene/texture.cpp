@@ -13,7 +13,7 @@ struct Tables {
   Tables() {
     for (int i = 0; i < 256; ++i) {
       unorm[i] = static_cast<float>(i) / 255.0f;
-      srgb[i] = detail::srgbToLinear(unorm[i]);
+      srgb[i] = decodeSrgb(unorm[i]);
     }
   }
 };

@@ -2,5 +2,4 @@ add_executable(grays_test ${CMAKE_CURRENT_LIST_DIR}/grays_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/grays_photon_test.cpp ${CMAKE_CURRENT_LIST_DIR}/vulkan_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/device_failure_test.cpp)
 target_link_libraries(grays_test PRIVATE trex_grays trex_vulkan asvo GTest::gtest_main)
-gtest_discover_tests(grays_test DISCOVERY_TIMEOUT 60
-  PROPERTIES ENVIRONMENT "TREX_VALIDATION=1")
+trex_gtest(grays_test)

@@ -1,7 +1,7 @@
 add_executable(bundle_test ${CMAKE_CURRENT_LIST_DIR}/bundle_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/bundle_hostile_test.cpp)
 target_link_libraries(bundle_test PRIVATE trex_bundle GTest::gtest_main)
-gtest_discover_tests(bundle_test DISCOVERY_TIMEOUT 60)
+trex_gtest(bundle_test)
 
 add_test(NAME bake_test COMMAND ${Python3_EXECUTABLE} ${CMAKE_CURRENT_LIST_DIR}/bake_test.py
   --trex $<TARGET_FILE:trex> --assets ${CMAKE_SOURCE_DIR}/assets)

@@ -1,6 +1,6 @@
 add_executable(diff_test ${CMAKE_CURRENT_LIST_DIR}/diff_test.cpp ${CMAKE_CURRENT_LIST_DIR}/merge_test.cpp)
 target_link_libraries(diff_test PRIVATE trex_frame GTest::gtest_main)
-gtest_discover_tests(diff_test)
+trex_gtest(diff_test)
 foreach(test diff_command_test merge_command_test flip_test)
   add_test(NAME ${test} COMMAND ${Python3_EXECUTABLE} ${CMAKE_CURRENT_LIST_DIR}/${test}.py --trex $<TARGET_FILE:trex>)
   set_tests_properties(${test} PROPERTIES LABELS program TIMEOUT 900 SKIP_RETURN_CODE 77)

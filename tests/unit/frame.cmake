@@ -2,4 +2,4 @@ add_executable(frame_test ${CMAKE_CURRENT_LIST_DIR}/estimator_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/frame_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/denoise_test.cpp ${CMAKE_CURRENT_LIST_DIR}/correction_test.cpp)
 target_link_libraries(frame_test PRIVATE trex_frame GTest::gtest_main)
-gtest_discover_tests(frame_test)
+trex_gtest(frame_test)

@@ -7,16 +7,16 @@ add_executable(hccmesh_test
 target_link_libraries(hccmesh_test PRIVATE hccmesh GTest::gtest_main)
 find_path(XXHASH_INCLUDE_DIR xxhash.h REQUIRED)
 target_include_directories(hccmesh_test SYSTEM PRIVATE ${XXHASH_INCLUDE_DIR})
-gtest_discover_tests(hccmesh_test DISCOVERY_TIMEOUT 60)
+trex_gtest(hccmesh_test)
 
 add_executable(ray_scene_test ${CMAKE_CURRENT_LIST_DIR}/ray_scene_test.cpp)
 target_link_libraries(ray_scene_test PRIVATE trex_rays GTest::gtest_main)
-gtest_discover_tests(ray_scene_test DISCOVERY_TIMEOUT 60)
+trex_gtest(ray_scene_test)
 
 add_executable(pages_test ${CMAKE_CURRENT_LIST_DIR}/stream_build_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/page_cache_test.cpp)
 target_link_libraries(pages_test PRIVATE hccmesh GTest::gtest_main)
-gtest_discover_tests(pages_test DISCOVERY_TIMEOUT 60)
+trex_gtest(pages_test)
 # gcc 12 takes copies of a decoded triangle for uninitialised, at -O3 only.
 set_source_files_properties(${CMAKE_CURRENT_LIST_DIR}/stream_build_test.cpp PROPERTIES COMPILE_OPTIONS
   -Wno-maybe-uninitialized)

@@ -4,4 +4,4 @@ add_executable(scene_test ${CMAKE_CURRENT_LIST_DIR}/scene_helpers.cpp
 target_link_libraries(scene_test PRIVATE trex_scene GTest::gtest_main)
 target_compile_definitions(scene_test PRIVATE
   TREX_SOURCE_DIR="${CMAKE_CURRENT_LIST_DIR}/../..")
-gtest_discover_tests(scene_test)
+trex_gtest(scene_test)

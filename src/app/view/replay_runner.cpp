@@ -20,16 +20,11 @@ constexpr double kPatience = 600.0;
 constexpr double kKeepEvery = 1.1;
 constexpr double kTolerance = 1.2;  ///< of the budget
 
-float decoded(std::uint8_t byte) {
-  const float v = static_cast<float>(byte) / 255.0f;
-  return v <= 0.04045f ? v / 12.92f : std::pow((v + 0.055f) / 1.055f, 2.4f);
-}
-
 ColorImage linear(const ScreenImage& screen, const std::vector<std::uint8_t>& rgba) {
   ColorImage image{screen.width, screen.height, {}};
   image.pixels.reserve(rgba.size() / 4);
   for (std::size_t i = 0; i + 3 < rgba.size(); i += 4) {
-    image.pixels.emplace_back(decoded(rgba[i]), decoded(rgba[i + 1]), decoded(rgba[i + 2]));
+    image.pixels.emplace_back(decodeSrgb8(rgba[i]), decodeSrgb8(rgba[i + 1]), decodeSrgb8(rgba[i + 2]));
   }
   return image;
 }
@@ -60,7 +55,7 @@ void writeShown(const ScreenImage& shown, const std::filesystem::path& path) {
   picture.height = shown.height;
   picture.channels = {"R", "G", "B"};
   for (std::size_t i = 0; i + 3 < shown.rgba.size(); i += 4) {
-    for (std::size_t c = 0; c < 3; ++c) picture.values.push_back(decoded(shown.rgba[i + c]));
+    for (std::size_t c = 0; c < 3; ++c) picture.values.push_back(decodeSrgb8(shown.rgba[i + c]));
   }
   writePicture(path, picture, ToneMap{});
 }

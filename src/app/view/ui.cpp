@@ -32,11 +32,6 @@ Box3d seenBounds(const Viewer& viewer, int object) {
   return box;
 }
 
-float decoded(std::uint8_t byte) {
-  const float v = static_cast<float>(byte) / 255.0f;
-  return v <= 0.04045f ? v / 12.92f : std::pow((v + 0.055f) / 1.055f, 2.4f);
-}
-
 /// The screen's radiance, as far as it is not clipped.
 Picture linearScreen(const ScreenImage& screen, float exposure) {
   Picture picture;
@@ -46,7 +41,7 @@ Picture linearScreen(const ScreenImage& screen, float exposure) {
   const float scale = std::exp2(-exposure);
   for (std::size_t i = 0; i < std::size_t{screen.width} * screen.height; ++i) {
     for (std::size_t c = 0; c < 3; ++c) {
-      picture.values.push_back(scale * decoded(screen.rgba[4 * i + c]));
+      picture.values.push_back(scale * decodeSrgb8(screen.rgba[4 * i + c]));
     }
   }
   return picture;
