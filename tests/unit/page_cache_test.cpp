@@ -67,7 +67,8 @@ TEST(PageCache, HitsAreThoseOfAMeshInMemory) {
     ASSERT_EQ(paged.cluster == Hit::kNothing, expected.cluster == Hit::kNothing);
     if (paged.cluster == Hit::kNothing) continue;
     ++hits;
-    EXPECT_EQ(paged.t, expected.t);
+    // Not equal bits: another cluster may begin a triangle at another of its corners.
+    EXPECT_NEAR(paged.t, expected.t, 4e-7f * expected.t);
     const Triangle t = mesh.triangle(paged.cluster, paged.triangle);
     EXPECT_LT(std::abs(t.position[0].z), 0.11f);
   }

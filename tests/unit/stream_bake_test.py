@@ -202,9 +202,14 @@ class StreamBake(unittest.TestCase):
         deadline = time.monotonic() + 60
         journal = self.path(".x.bake-journal.tmp")
         pages = self.path(".x.bake.tmp")
+        # Pages are written once the journal has its key and the spill; what it has more is buckets.
+        listed = None
         while p.poll() is None and time.monotonic() < deadline:
-            if os.path.exists(pages) and os.path.exists(journal) and os.path.getsize(pages) > 200_000:
-                break
+            if os.path.exists(pages) and os.path.getsize(pages) > 0:
+                size = os.path.getsize(journal)
+                listed = size if listed is None else listed
+                if size > listed:
+                    break
             time.sleep(0.002)
         p.kill()
         p.communicate()
