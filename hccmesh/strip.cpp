@@ -34,6 +34,12 @@ struct LocalTriangles {
       for (int k = 0; k < 3; ++k)
         if (ofEdge[corner[t][(k + 1) % 3]][corner[t][k]] != kNone) ++neighbours[t];
   }
+  /// Which corner a strip of this triangle starts with to go on over its (last) shared edge.
+  int rotationTowardsNeighbour(std::uint32_t t) const {
+    for (int k = 2; k > 0; --k)
+      if (ofEdge[corner[t][(k + 2) % 3]][corner[t][(k + 1) % 3]] != kNone) return k;
+    return 0;
+  }
 };
 
 // One strip while it grows.
@@ -115,21 +121,21 @@ class Growing {
 bool makeStrip(std::span<const Corners> triangles, Strip& out) {
   const LocalTriangles in(triangles);
   std::uint32_t least = layout::kMaxEntries + 1;
-  const auto tryFrom = [&](std::uint32_t first) {
-    for (int rotation = 0; rotation < 3 && least > in.count + 2; ++rotation) {
-      Growing strip(in, first, rotation);
-      if (!strip.grow(least)) continue;
-      least = strip.size;
-      out.size = strip.size;
-      out.starts = strip.starts;
-      for (std::uint32_t i = 0; i < strip.size; ++i) out.entries[i] = in.global[strip.entry[i]];
-    }
+  const auto tryFrom = [&](std::uint32_t first, int rotation) {
+    if (least <= in.count + 2) return;
+    Growing strip(in, first, rotation);
+    if (!strip.grow(least)) return;
+    least = strip.size;
+    out.size = strip.size;
+    out.starts = strip.starts;
+    for (std::uint32_t i = 0; i < strip.size; ++i) out.entries[i] = in.global[strip.entry[i]];
   };
-  // Strips end where triangles have few neighbours; elsewhere is tried if that fails.
+  // Strips end where triangles have few neighbours, and go on there over the only shared edge;
+  // elsewhere is tried if that fails.
   for (std::uint32_t first = 0; first < in.count; ++first)
-    if (in.neighbours[first] <= 1) tryFrom(first);
+    if (in.neighbours[first] <= 1) tryFrom(first, in.rotationTowardsNeighbour(first));
   for (std::uint32_t first = 0; first < in.count && least > layout::kMaxEntries; ++first)
-    if (in.neighbours[first] > 1) tryFrom(first);
+    for (int rotation = 0; rotation < 3; ++rotation) tryFrom(first, rotation);
   return least <= layout::kMaxEntries;
 }
 
