@@ -48,8 +48,10 @@ class CpuTracer final : public GRayTracer {
       : tree_(tree),
         materials_(materials.begin(), materials.end()),
         light_(tree.nodes.size(), asvo::uvec4(0u)),
+        cones_(tree, materials_),
         grid_(tree.info.leafCount > 0 ? makeGrid(tree) : std::vector<std::uint32_t>()),
-        tracer_(tree, grid_, light_) {
+        bricks_(tree.info.leafCount > 0 ? makeBricks(tree) : std::vector<asvo::uvec4>()),
+        tracer_(tree, grid_, bricks_, light_, cones_.words()) {
     if (materials_.empty()) materials_.push_back({});
   }
 
@@ -61,6 +63,10 @@ class CpuTracer final : public GRayTracer {
   int submitGather(std::span<const GatherQuery> queries) override {
     GatherSlot& slot = slots_[next_ & 1u];
     assert(!slot.open && "at most two batches may be under way");
+    if (cones_.stale()) {
+      waitAll();
+      cones_.refresh(light_);
+    }
     slot.queries.assign(queries.begin(), queries.end());
     slot.results.resize(queries.size());
     slot.open = true;
@@ -123,6 +129,7 @@ class CpuTracer final : public GRayTracer {
     if (direct_.empty()) resetFlux();
     trex::resolveLight(tree_, words(direct_), words(indirect_),
                        unit_ / static_cast<double>(emittedPhotons), light_);
+    cones_.lightChanged();
   }
 
   std::span<const asvo::uvec4> light() const override { return light_; }
@@ -160,7 +167,9 @@ class CpuTracer final : public GRayTracer {
   const asvo::Tree& tree_;
   std::vector<shaderio::PhotonMaterial> materials_;
   std::vector<asvo::uvec4> light_;
+  ConeTable cones_;
   std::vector<std::uint32_t> grid_;
+  std::vector<asvo::uvec4> bricks_;
   const GridTracer tracer_;
   std::vector<std::uint64_t> direct_, indirect_;  // made when the first photons come
   double unit_ = 0.0;

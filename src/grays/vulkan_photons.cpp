@@ -14,10 +14,10 @@ namespace {
 /// Push constants of photons.comp.
 struct Push {
   asvo::AsvoInfo info;
-  std::uint32_t gridLevel, first, end, stride, materialCount;
+  std::uint32_t gridLevel, firstBrick, first, end, stride, materialCount;
   float countsPerWatt;
 };
-static_assert(sizeof(Push) == 56);
+static_assert(sizeof(Push) == 60);
 
 /// Photons that share an invocation: enough to even out the lengths of their paths, but not so many
 /// that a wide device is left without work.
@@ -60,8 +60,8 @@ void PhotonPass::makeKernel() {
                                                  .pushBytes = sizeof(Push),
                                                  .constants = {workgroupSize(device_)}});
   const std::array<const vulkan::Buffer*, 10> buffers = {
-      &tree_.nodes, &tree_.voxels, &tree_.leaves, &tree_.light, &tree_.grid,
-      &records_,    &materials_,   &direct_,      &indirect_,   &counters_};
+      &tree_.bricks, &tree_.voxels, &tree_.leaves, &tree_.cones, &tree_.grid,
+      &records_,     &materials_,   &direct_,      &indirect_,   &counters_};
   bindings_.emplace(device_, *kernel_, buffers);
 }
 
@@ -91,8 +91,8 @@ void PhotonPass::traceSlice(std::span<const shaderio::PhotonRecord> records, flo
       std::min(count, std::max(kLeastInvocations, count / kPhotonsPerInvocation));
   const std::uint32_t groups =
       std::min((wanted + size - 1) / size, device_.info().maxWorkgroupCount);
-  const Push push{tree_.info,     tree_.gridLevel, 0, count, groups * size,
-                  materialCount_, countsPerWatt};
+  const Push push{tree_.info, tree_.gridLevel, tree_.firstBrick, 0,
+                  count,      groups * size,   materialCount_,   countsPerWatt};
   batch_.dispatch(*kernel_, *bindings_, std::as_bytes(std::span(&push, 1)), groups);
   batch_.submit();
   batch_.wait();

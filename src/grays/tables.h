@@ -1,0 +1,54 @@
+// The tables that asvo_trace.h reads instead of the tree's nodes: fewer reads a step, the same
+// answers. Private to src/grays; derived from the tree, never stored.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "asvo/asvo.h"
+#include "src/grays/shaderio.h"
+
+namespace trex {
+
+/// Finest level in the grid: above the leaves, at most 128^3 entries (18 MiB with all coarser
+/// levels).
+inline std::uint32_t gridLevel(const asvo::AsvoInfo& info) {
+  return std::min(info.depth - 1, asvo::ASVO_MAX_GRID_LEVEL);
+}
+
+/// Node of the first brick, and how many there are: inner voxels from the grid's level on.
+std::uint32_t firstBrick(const asvo::Tree& tree);
+std::uint32_t brickCount(const asvo::Tree& tree);
+
+/// ASVO_GRID: 2 * 8^gridLevel entries. The tree must be valid and not empty. Runs on the calling
+/// oneTBB arena.
+std::vector<std::uint32_t> makeGrid(const asvo::Tree& tree);
+
+/// ASVO_BRICK less firstBrick(): brickCount() entries.
+std::vector<asvo::uvec4> makeBricks(const asvo::Tree& tree);
+
+/// ASVO_CONE of every node: what cones read of voxels in one word of 16 bytes. Metals count as
+/// diffuse with the reflectance of their material: a cone can't follow their mirrors, and without
+/// it what they send on would be lost.
+class ConeTable {
+ public:
+  ConeTable(const asvo::Tree& tree, std::span<const shaderio::PhotonMaterial> materials)
+      : tree_(tree), materials_(materials), words_(tree.nodes.size(), asvo::uvec4(0u)) {}
+  /// The irradiance has changed: the words are out of date.
+  void lightChanged() { stale_ = true; }
+  bool stale() const { return stale_; }
+  /// Brings the words up to date with `light` (asvo_layout.h). Costs some milliseconds for 10^5
+  /// voxels, so it is left until a cone asks.
+  void refresh(std::span<const asvo::uvec4> light);
+  std::span<const asvo::uvec4> words() const { return words_; }
+
+ private:
+  const asvo::Tree& tree_;
+  std::span<const shaderio::PhotonMaterial> materials_;
+  std::vector<asvo::uvec4> words_;
+  bool shaped_ = false, stale_ = true;
+};
+
+}  // namespace trex
