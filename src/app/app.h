@@ -17,10 +17,14 @@ void addInfoCommand(CLI::App& app);
 void addDoctorCommand(CLI::App& app);
 /// Adds `trex diff`. Its exit code, 0 or 6, is written to `exitCode`.
 void addDiffCommand(CLI::App& app, int& exitCode);
+/// Adds `trex export-vdb`.
+void addExportVdbCommand(CLI::App& app);
 /// Adds `trex merge`.
 void addMergeCommand(CLI::App& app);
 /// Adds `trex bench`. Its exit code, 0, 130 or 143, is written to `exitCode`.
 void addBenchCommand(CLI::App& app, int& exitCode);
+/// Adds `trex bench asvo`.
+void addBenchAsvoCommand(CLI::App& bench);
 
 /// "WxH" with 1 <= W, H <= 65536; Error(kUsage) else.
 void parseSize(const std::string& text, std::uint32_t& width, std::uint32_t& height);
