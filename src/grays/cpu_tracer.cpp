@@ -7,6 +7,7 @@
 #include <bit>
 #include <cassert>
 #include <chrono>
+#include <optional>
 
 #include "src/core/error.h"
 #include "src/grays/cpu_photons.h"
@@ -49,9 +50,10 @@ class CpuTracer final : public GRayTracer {
         materials_(materials.begin(), materials.end()),
         light_(tree.nodes.size(), asvo::uvec4(0u)),
         cones_(tree, materials_),
-        grid_(tree.info.leafCount > 0 ? makeGrid(tree) : std::vector<std::uint32_t>()),
+        grid_(tree.info.leafCount > 0 ? makeGrid(tree, photonGridLevel(tree.info))
+                                      : std::vector<std::uint32_t>()),
         bricks_(tree.info.leafCount > 0 ? makeBricks(tree) : std::vector<asvo::uvec4>()),
-        tracer_(tree, grid_, bricks_, light_, cones_.words()) {
+        tracer_(tree, photonGridLevel(tree.info), grid_, bricks_, light_, {}) {
     if (materials_.empty()) materials_.push_back({});
   }
 
@@ -63,10 +65,7 @@ class CpuTracer final : public GRayTracer {
   int submitGather(std::span<const GatherQuery> queries) override {
     GatherSlot& slot = slots_[next_ & 1u];
     assert(!slot.open && "at most two batches may be under way");
-    if (cones_.stale()) {
-      waitAll();
-      cones_.refresh(light_);
-    }
+    if (cones_.stale() && tree_.info.leafCount > 0) refreshCones();
     slot.queries.assign(queries.begin(), queries.end());
     slot.results.resize(queries.size());
     slot.open = true;
@@ -140,6 +139,16 @@ class CpuTracer final : public GRayTracer {
     return {reinterpret_cast<const std::uint32_t*>(sums.data()), sums.size() * 2};
   }
 
+  /// Makes what cones read, or brings it up to date.
+  void refreshCones() {
+    waitAll();
+    cones_.refresh(light_);
+    const std::uint32_t level = coneGridLevel(tree_.info);
+    if (coneTracer_) return;
+    coneGrid_ = makeGrid(tree_, level);
+    coneTracer_.emplace(tree_, level, coneGrid_, bricks_, light_, cones_.words());
+  }
+
   void waitAll() {
     for (GatherSlot& slot : slots_) slot.tasks.wait();
   }
@@ -160,7 +169,7 @@ class CpuTracer final : public GRayTracer {
   GatherResult gatherOne(const GatherQuery& q) const {
     const bool lit = (q.flags & shaderio::kQueryShadow) == 0;
     const auto cone =
-        tracer_.asvoMarch(q.origin, q.direction, q.tanHalf, q.tmin, q.tmax, q.jitter, lit);
+        coneTracer_->asvoMarch(q.origin, q.direction, q.tanHalf, q.tmin, q.tmax, q.jitter, lit);
     return {cone.radiance, cone.transmittance};
   }
 
@@ -170,7 +179,9 @@ class CpuTracer final : public GRayTracer {
   ConeTable cones_;
   std::vector<std::uint32_t> grid_;
   std::vector<asvo::uvec4> bricks_;
-  const GridTracer tracer_;
+  const GridTracer tracer_;  // of photons
+  std::vector<std::uint32_t> coneGrid_;
+  std::optional<GridTracer> coneTracer_;          // made when a cone first asks
   std::vector<std::uint64_t> direct_, indirect_;  // made when the first photons come
   double unit_ = 0.0;
   std::array<GatherSlot, 2> slots_;

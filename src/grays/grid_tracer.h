@@ -37,11 +37,12 @@ using glm::min;
 /// Reads a tree, its tables and its light, all of which must outlive it. Thread safe.
 class GridTracer {
  public:
-  GridTracer(const asvo::Tree& tree, std::span<const std::uint32_t> grid,
+  /// `gridLevel`: the finest of `grid`.
+  GridTracer(const asvo::Tree& tree, std::uint32_t gridLevel, std::span<const std::uint32_t> grid,
              std::span<const uvec4> bricks, std::span<const uvec4> light,
              std::span<const uvec4> cones)
       : info_(tree.info),
-        gridLevel_(gridLevel(tree.info)),
+        gridLevel_(gridLevel),
         firstBrick_(tree.info.leafCount > 0 ? firstBrick(tree) : 0),
         nodes_(tree.nodes.data()),
         voxels_(tree.voxels.data()),

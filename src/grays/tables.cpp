@@ -118,12 +118,13 @@ const asvo::Tracer& packer() {
 
 }  // namespace
 
-std::uint32_t firstBrick(const asvo::Tree& tree) { return tree.levelOffsets[gridLevel(tree.info)]; }
+std::uint32_t firstBrick(const asvo::Tree& tree) {
+  return tree.levelOffsets[photonGridLevel(tree.info)];
+}
 
 std::uint32_t brickCount(const asvo::Tree& tree) { return tree.info.firstLeaf - firstBrick(tree); }
 
-std::vector<std::uint32_t> makeGrid(const asvo::Tree& tree) {
-  const std::uint32_t last = gridLevel(tree.info);
+std::vector<std::uint32_t> makeGrid(const asvo::Tree& tree, std::uint32_t last) {
   std::vector<std::uint32_t> grid(std::size_t{2} << (3 * last), asvo::ASVO_GRID_EMPTY);
   grid[1] = 0;  // the root
   for (std::uint32_t level = 1; level <= last; ++level) fillVoxels(tree, level, grid);
@@ -141,9 +142,11 @@ std::vector<asvo::uvec4> makeBricks(const asvo::Tree& tree) {
 }
 
 void ConeTable::refresh(std::span<const asvo::uvec4> light) {
+  const bool shaped = !words_.empty();
+  words_.resize(tree_.nodes.size());
   forNodes(words_.size(), [&](std::size_t i) {
     const asvo::uvec4 voxel = tree_.voxels[2 * i];
-    if (!shaped_) words_[i] = asvo::uvec4(packer().asvoConeShape(voxel), 0u, 0u);
+    if (!shaped) words_[i] = asvo::uvec4(packer().asvoConeShape(voxel), 0u, 0u);
     glm::vec3 reflectance = packer().asvoUnpackAlbedo(voxel.z);
     const std::uint32_t material = voxel.y >> 16;
     if (material < materials_.size()) {
@@ -154,7 +157,6 @@ void ConeTable::refresh(std::span<const asvo::uvec4> light) {
     words_[i].z = packer().asvoConeLight(reflectance, light[i].x);
     words_[i].w = packer().asvoConeLight(reflectance, light[i].y);
   });
-  shaped_ = true;
   stale_ = false;
 }
 

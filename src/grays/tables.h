@@ -12,19 +12,23 @@
 
 namespace trex {
 
-/// Finest level in the grid: above the leaves, at most 128^3 entries (18 MiB with all coarser
-/// levels).
-inline std::uint32_t gridLevel(const asvo::AsvoInfo& info) {
+/// Finest level in the grid of photons: above the leaves, at most 64^3 entries (2 MiB in all).
+inline std::uint32_t photonGridLevel(const asvo::AsvoInfo& info) {
+  return std::min(info.depth - 1, 6u);
+}
+/// Of cones: at most 128^3 entries (16 MiB in all); made when a cone first asks.
+inline std::uint32_t coneGridLevel(const asvo::AsvoInfo& info) {
   return std::min(info.depth - 1, asvo::ASVO_MAX_GRID_LEVEL);
 }
 
-/// Node of the first brick, and how many there are: inner voxels from the grid's level on.
+/// Node of the first brick, and how many there are: inner voxels from the level of the photons'
+/// grid on.
 std::uint32_t firstBrick(const asvo::Tree& tree);
 std::uint32_t brickCount(const asvo::Tree& tree);
 
-/// ASVO_GRID: 2 * 8^gridLevel entries. The tree must be valid and not empty. Runs on the calling
-/// oneTBB arena.
-std::vector<std::uint32_t> makeGrid(const asvo::Tree& tree);
+/// ASVO_GRID with levels up to `last`: 2 * 8^last entries. The tree must be valid and not empty.
+/// Runs on the calling oneTBB arena.
+std::vector<std::uint32_t> makeGrid(const asvo::Tree& tree, std::uint32_t last);
 
 /// ASVO_BRICK less firstBrick(): brickCount() entries.
 std::vector<asvo::uvec4> makeBricks(const asvo::Tree& tree);
@@ -35,7 +39,7 @@ std::vector<asvo::uvec4> makeBricks(const asvo::Tree& tree);
 class ConeTable {
  public:
   ConeTable(const asvo::Tree& tree, std::span<const shaderio::PhotonMaterial> materials)
-      : tree_(tree), materials_(materials), words_(tree.nodes.size(), asvo::uvec4(0u)) {}
+      : tree_(tree), materials_(materials) {}
   /// The irradiance has changed: the words are out of date.
   void lightChanged() { stale_ = true; }
   bool stale() const { return stale_; }
@@ -47,8 +51,8 @@ class ConeTable {
  private:
   const asvo::Tree& tree_;
   std::span<const shaderio::PhotonMaterial> materials_;
-  std::vector<asvo::uvec4> words_;
-  bool shaped_ = false, stale_ = true;
+  std::vector<asvo::uvec4> words_;  ///< none until a cone asks
+  bool stale_ = true;
 };
 
 }  // namespace trex

@@ -16,19 +16,23 @@ struct Push {
 };
 static_assert(sizeof(Push) == 48);
 
+/// Queries that one batch may have where they are read as texels, three each.
+constexpr std::uint64_t kMostQueries = 1u << 22;
+
 // A software device gathers texels with vector instructions but fetches from storage buffers lane
 // by lane. GPUs read both alike and keep the format the tree is stored in.
 bool useTexels(const vulkan::Device& device, const asvo::Tree& tree) {
   return device.info().sharesHostCores &&
+         3 * kMostQueries <= device.info().maxTexelBufferElements &&
          tree.voxels.size() <= device.info().maxTexelBufferElements &&
-         std::uint64_t{2} << (3 * gridLevel(tree.info)) <= device.info().maxTexelBufferElements;
+         std::uint64_t{2} << (3 * coneGridLevel(tree.info)) <= device.info().maxTexelBufferElements;
 }
 
 }  // namespace
 
 TreeBuffers::TreeBuffers(vulkan::Device& device, const asvo::Tree& tree, bool storageBuffers)
     : info(tree.info),
-      gridLevel(trex::gridLevel(tree.info)),
+      gridLevel(photonGridLevel(tree.info)),
       firstBrick(trex::firstBrick(tree)),
       texels(!storageBuffers && useTexels(device, tree)),
       bricks(device, "the bricks of the voxel tree",
@@ -45,7 +49,7 @@ TreeBuffers::TreeBuffers(vulkan::Device& device, const asvo::Tree& tree, bool st
   bricks.upload(std::as_bytes(std::span(entriesOfBricks)));
   voxels.upload(std::as_bytes(std::span(tree.voxels)));
   leaves.upload(std::as_bytes(std::span(tree.leaves)));
-  const std::vector<std::uint32_t> entries = makeGrid(tree);
+  const std::vector<std::uint32_t> entries = makeGrid(tree, gridLevel);
   grid.upload(std::as_bytes(std::span(entries)));
   cones.clear();
 }
@@ -71,6 +75,10 @@ std::uint32_t GatherPass::groupSize() const {
 }
 
 void GatherPass::makeKernels() {
+  const std::vector<std::uint32_t> entries = makeGrid(source_, coneGridLevel(tree_.info));
+  const auto bytes = std::as_bytes(std::span(entries));
+  grid_.emplace(device_, "the grid of cones", bytes.size(), vulkan::Place::kDevice);
+  grid_->upload(bytes);
   for (std::uint32_t fine = 0; fine < 2; ++fine) {
     kernels_[fine].emplace(device_, vulkan::KernelOptions{.name = "gather",
                                                           .spirv = gatherShader(tree_.texels),
@@ -94,7 +102,7 @@ void GatherPass::grow(Slot& slot, std::size_t count) {
                        vulkan::Place::kHost);
   const std::array<const vulkan::Buffer*, 7> buffers = {
       &tree_.bricks, &tree_.voxels,  &tree_.leaves, &tree_.cones,
-      &tree_.grid,   &*slot.queries, &*slot.results};
+      &*grid_,       &*slot.queries, &*slot.results};
   slot.bindings.emplace(device_, *kernels_[0], buffers);
   slot.capacity = count;
 }
@@ -102,6 +110,7 @@ void GatherPass::grow(Slot& slot, std::size_t count) {
 int GatherPass::submit(std::span<const shaderio::GatherQuery> queries) {
   Slot& slot = slots_[next_ & 1u];
   assert(!slot.open && "at most two batches may be under way");
+  assert(!tree_.texels || queries.size() <= kMostQueries);
   grow(slot, std::max<std::size_t>(queries.size(), 1));
   if (!slot.batch) slot.batch.emplace(device_);
   const auto count = static_cast<std::uint32_t>(queries.size());
@@ -123,7 +132,7 @@ void GatherPass::dispatch(Slot& slot, std::size_t variant, std::uint32_t begin, 
       slicer_.items(), size, std::uint64_t{device_.info().maxWorkgroupCount} * size);
   for (std::uint64_t first = begin; first < end; first += slice) {
     const auto last = static_cast<std::uint32_t>(std::min<std::uint64_t>(end, first + slice));
-    const Push push{tree_.info, tree_.gridLevel, tree_.firstBrick,
+    const Push push{tree_.info, coneGridLevel(tree_.info), tree_.firstBrick,
                     static_cast<std::uint32_t>(first), last};
     const auto groups = static_cast<std::uint32_t>((last - first + size - 1) / size);
     slot.batch->dispatch(*kernels_[variant], *slot.bindings, std::as_bytes(std::span(&push, 1)),

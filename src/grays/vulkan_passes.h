@@ -33,7 +33,10 @@ std::uint32_t workgroupSize(const vulkan::Device& device);
 class GatherPass {
  public:
   GatherPass(vulkan::Device& device, const TreeBuffers& buffers, const asvo::Tree& tree)
-      : device_(device), tree_(buffers), tracer_(tree, {}, {}, {}, {}) {}
+      : device_(device),
+        tree_(buffers),
+        source_(tree),
+        tracer_(tree, coneGridLevel(tree.info), {}, {}, {}, {}) {}
 
   int submit(std::span<const shaderio::GatherQuery> queries);
   std::span<const shaderio::GatherResult> finish(int ticket);
@@ -60,7 +63,9 @@ class GatherPass {
 
   vulkan::Device& device_;
   const TreeBuffers& tree_;
-  GridTracer tracer_;  ///< for what it says of a cone's start; without arrays
+  const asvo::Tree& source_;
+  std::optional<vulkan::Buffer> grid_;  ///< finer than the photons'; made with the kernels
+  GridTracer tracer_;                   ///< for what it says of a cone's start; without arrays
   QueryOrder order_{tracer_};
   std::array<std::optional<vulkan::Kernel>, 2> kernels_;  ///< for cones that start wide; for all
   std::array<Slot, 2> slots_;

@@ -27,7 +27,7 @@ void requireRoom(const vulkan::Device& device, const asvo::Tree& tree) {
          "lower the voxel depth, choose another `--device N`, or use `--device none`",
          leaves, largest, device.info().name, range);
   }
-  const std::uint64_t grid = std::uint64_t{8} << (3 * gridLevel(tree.info));
+  const std::uint64_t grid = leaves > 0 ? std::uint64_t{8} << (3 * photonGridLevel(tree.info)) : 0;
   const std::uint64_t bricks = leaves > 0 ? brickCount(tree) : 0;
   const std::uint64_t need = nodes * (32 + 16) + (bricks + leaves) * 16 + 2 * sums + grid;
   if (need > device.maxBytes()) {
