@@ -20,7 +20,8 @@
 //   level depth   #  #   #   # #               that the mask cuts out
 //
 //   A place without geometry has no node. Bytes a voxel: 8 node, 32 voxel, 16 light (allocated by
-//   who traces), and 16 a leaf; about 68 in all, or 90 a leaf.
+//   who traces), and 16 a leaf; about 68 in all, or 90 a leaf. Of a leaf's bytes 35 are geometry
+//   (mask 8, plane 8, coverage 6, normal 4, plane byte 1, area 8), 29 material and light.
 //
 // Sides. The normal of a voxel points to its front. Front and back have areas, emission and light
 // of their own. The area of a side is the larger of the areas of faces along and against the

@@ -52,7 +52,9 @@ using glm::vec4;
 ASVO_CONST uint ASVO_NONE = 0xffffffffu;
 ASVO_CONST uint ASVO_NO_PLANE = 0x7fc00000u;
 ASVO_CONST uint ASVO_MAX_DEPTH = 12u;
-/// First code of an empty entry in the optional grid of asvo_trace.h; node indices are below.
+/// Finest level in the tables of asvo_trace.h (128^3 entries, 8 MiB).
+ASVO_CONST uint ASVO_MAX_GRID_LEVEL = 7u;
+/// First code of an empty entry in them; node indices are below.
 ASVO_CONST uint ASVO_GRID_EMPTY = 0x80000000u;
 
 /// Header of a tree, as the tracer gets it; 32 bytes, std430.

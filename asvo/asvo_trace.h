@@ -7,10 +7,18 @@
 //     ASVO_NODE(i) uvec2    ASVO_VOXEL(i) uvec4, i = 2 * voxel or 2 * voxel + 1
 //     ASVO_LEAF(k) uvec4    ASVO_LIGHT(i) uvec4    ASVO_INFO AsvoInfo        (see asvo_layout.h)
 //
-// Optionally the includer defines ASVO_GRID(i), a table of the levels up to ASVO_GRID_LEVEL (at
-// most the depth): entry 8^l + x + 2^l y + 4^l z is the voxel at that place of level l, or, where
-// it is empty, ASVO_GRID_EMPTY + the level of the largest empty block around it. Same answers,
-// fewer reads: the descent starts from the table instead of the stack described below.
+// For speed the includer defines tables derived from the tree (src/grays/tables.h); without them
+// the same answers come from the nodes, slowly: the oracle of the tests.
+//
+//     ASVO_GRID(i)   the levels up to ASVO_GRID_LEVEL as arrays: entry 8^l + x + 2^l y + 4^l z is
+//     the
+//                    voxel at that place of level l, or ASVO_GRID_EMPTY and, in 3 bits for each
+//                    octant o at 3 o, e: the cube of (e + 1)^3 places from here in that direction
+//                    is empty
+//     ASVO_BRICK(i)  uvec4 of each inner voxel from level ASVO_GRID_LEVEL on, two levels in one
+//                    read: x, y grandchildren by Morton code (a leaf's eight if the children are
+//                    leaves); z first child; w first grandchild
+//     ASVO_CONE(i)   what a cone reads of voxel i, see asvoConeWords
 //
 // Positions and directions are in render space (metres); directions have unit length; everything is
 // finite but tmax. No recursion, no 64-bit integers, no subgroup operations; every loop is bounded.
@@ -18,8 +26,8 @@
 // Traversal. The ray is moved to a grid of sub-voxels (4 a leaf edge) and mirrored so that it
 // travels towards +x, +y, +z. Its place is an integer cell, moved through one face at a time; so
 // its cells form a 6-connected path whatever the rounding, and no closed surface of the masks lets
-// it through. After a step the descent starts at the deepest ancestor common to both cells; the
-// nodes on the way from the root are kept in two small arrays.
+// it through. Where a place is empty, so is a cube ahead of it, and the ray leaves that in one
+// step.
 #ifndef ASVO_TRACE_H
 #define ASVO_TRACE_H
 
@@ -51,11 +59,19 @@ struct AsvoCone {
 /// A ray on the mirrored grid of sub-voxels, moved to where it starts.
 struct AsvoRay {
   vec3 o, d, inv;  // origin in [0, N]; direction > 0; 1 / d
+  vec3 turn;       // -1 on mirrored axes, else 1
   float base;      // from the given origin to o, in sub-voxels
   float end;       // from o to the end of the ray, in sub-voxels
-  uvec3 flip;      // N - 1 on mirrored axes, else 0: true cell = cell ^ flip
+  ivec3 flip;      // N - 1 on mirrored axes, else 0: true cell = cell ^ flip
   uint octFlip;    // the same for the number of an octant
   uint subFlip;    // the same for the number of a sub-voxel
+};
+
+/// What a ray finds at a cell: a voxel, or nothing in a cube of blocks.
+struct AsvoPlace {
+  uint voxel;  // ASVO_NONE where it is empty
+  uint shift;  // the block's edge is 1 << shift sub-voxels
+  int blocks;  // edge of the empty cube, in blocks, from this one ahead
 };
 
 // A plane stands for geometry within a quarter of a sub-voxel; the rest is for rounding.
@@ -78,8 +94,7 @@ ASVO_CONST float kAsvoInvPi = 0.318309886f;
 /// Shared-exponent RGB (EXT_texture_shared_exponent): 9 bits each, exponent 5 bits with bias 15.
 vec3 asvoUnpackRgb9e5(uint packed) ASVO_READS {
   float scale = uintBitsToFloat(((packed >> 27) + 103u) << 23);  // 2^(e - 15 - 9)
-  return vec3(float(packed & 511u), float((packed >> 9) & 511u), float((packed >> 18) & 511u)) *
-         scale;
+  return vec3(ivec3(uvec3(packed & 511u, (packed >> 9) & 511u, (packed >> 18) & 511u))) * scale;
 }
 
 /// Clamps to [0, 65408]; NaN becomes 0.
@@ -101,8 +116,8 @@ uint asvoPackRgb9e5(vec3 v) ASVO_READS {
 
 /// Octahedral unit vector, 2 x unorm16 [Cigolle et al., JCGT 2014].
 vec3 asvoOctDecode(uint packed) ASVO_READS {
-  float x = float(packed & 65535u) * (2.0f / 65535.0f) - 1.0f;
-  float y = float(packed >> 16) * (2.0f / 65535.0f) - 1.0f;
+  float x = float(int(packed & 65535u)) * (2.0f / 65535.0f) - 1.0f;
+  float y = float(int(packed >> 16)) * (2.0f / 65535.0f) - 1.0f;
   float z = 1.0f - abs(x) - abs(y);
   float fold = max(-z, 0.0f);
   return normalize(vec3(x + (x >= 0.0f ? -fold : fold), y + (y >= 0.0f ? -fold : fold), z));
@@ -157,14 +172,49 @@ bool asvoFlips(uint child, uint parent) ASVO_READS {
   return dot(asvoNormal(child), asvoNormal(parent)) < 0.0f;
 }
 
-/// Cached radiance that leaves the voxel against dir: albedo / pi * irradiance of the side that
-/// faces the ray. Without emission.
-vec3 asvoOutgoing(uint voxel, vec3 dir) ASVO_READS {
-  uvec4 v = ASVO_VOXEL(2u * voxel);
-  uvec4 light = ASVO_LIGHT(voxel);
-  bool front = dot(asvoOctDecode(v.w), dir) <= 0.0f;
-  return asvoUnpackAlbedo(v.z) * asvoUnpackRgb9e5(front ? light.x : light.y) * kAsvoInvPi;
+/// How much a voxel of that coverage takes of light along an axis: -log2 of what is clear, in
+/// 1/255 of 8, in a byte.
+uint asvoExtinction(uint coverageByte) ASVO_READS {
+  float coverage = min(float(coverageByte) * (kAsvoCoverageGain / 255.0f), kAsvoMaxCoverage);
+  return uint(-log2(1.0f - coverage) * (255.0f / 8.0f) + 0.5f);
 }
+
+/// A component of a unit vector in 10 bits.
+uint asvoPackComponent(float x) ASVO_READS { return uint(x * 511.0f + 511.5f); }
+
+/// The half of asvoConeWords that does not depend on light.
+uvec2 asvoConeShape(uvec4 v) ASVO_READS {
+  vec3 n = asvoOctDecode(v.w);
+  uint x = asvoExtinction(max(v.x & 255u, (v.x >> 8) & 255u));
+  uint y = asvoExtinction(max((v.x >> 16) & 255u, v.x >> 24));
+  uint z = asvoExtinction(max(v.y & 255u, (v.y >> 8) & 255u));
+  return uvec2(x | (y << 8) | (z << 16) | (v.z & 0xff000000u), asvoPackComponent(n.x) |
+                                                                   (asvoPackComponent(n.y) << 10) |
+                                                                   (asvoPackComponent(n.z) << 20));
+}
+
+/// Radiance that a side sends out: reflectance / pi times its irradiance, packed.
+uint asvoConeLight(vec3 reflectance, uint irradiance) ASVO_READS {
+  return asvoPackRgb9e5(reflectance * asvoUnpackRgb9e5(irradiance) * kAsvoInvPi);
+}
+
+/// All that a cone reads of a voxel. `v`: its first words; `light`: irradiance. x: extinction along
+/// the axes (8 bits each) and the plane; y: normal, 3 x 10 bits; z, w: radiance of front and back.
+uvec4 asvoConeWords(uvec4 v, uvec4 light) ASVO_READS {
+  uvec2 shape = asvoConeShape(v);
+  vec3 albedo = asvoUnpackAlbedo(v.z);
+  return uvec4(shape, asvoConeLight(albedo, light.x), asvoConeLight(albedo, light.y));
+}
+
+// Defined as false, it leaves out what lies below the grid: for cones that start wider
+// (asvoStartsWide).
+#ifndef ASVO_FINE
+#define ASVO_FINE true
+#endif
+
+#ifndef ASVO_CONE
+#define ASVO_CONE(i) asvoConeWords(ASVO_VOXEL(2u * (i)), ASVO_LIGHT(i))
+#endif
 
 // --- Traversal ----------------------------------------------------------------------------------
 
@@ -172,13 +222,13 @@ float asvoMin3(vec3 v) ASVO_READS { return min(v.x, min(v.y, v.z)); }
 float asvoMax3(vec3 v) ASVO_READS { return max(v.x, max(v.y, v.z)); }
 
 /// The cell that holds p, held to [lower, upper]; NaN gives lower.
-uvec3 asvoCell(vec3 p, uvec3 lower, uvec3 upper) ASVO_READS {
-  return uvec3(min(max(vec3(lower), p), vec3(upper)));
+ivec3 asvoCell(vec3 p, ivec3 lower, ivec3 upper) ASVO_READS {
+  return ivec3(min(max(vec3(lower), p), vec3(upper)));
 }
 
 /// Moves a ray to the grid. False if it misses the cube or is empty.
 bool asvoClip(vec3 origin, vec3 dir, float tmin, float tmax, ASVO_OUT(AsvoRay) r) ASVO_READS {
-  uint n = 4u << ASVO_INFO.depth;
+  int n = 4 << ASVO_INFO.depth;
   float cells = float(n);
   float scale = cells / ASVO_INFO.size;
   vec3 o = (origin - vec3(ASVO_INFO.lowerX, ASVO_INFO.lowerY, ASVO_INFO.lowerZ)) * scale;
@@ -188,7 +238,8 @@ bool asvoClip(vec3 origin, vec3 dir, float tmin, float tmax, ASVO_OUT(AsvoRay) r
   o = vec3(fx ? cells - o.x : o.x, fy ? cells - o.y : o.y, fz ? cells - o.z : o.z);
   r.d = max(abs(dir), vec3(1e-12f));
   r.inv = vec3(1.0f) / r.d;
-  r.flip = uvec3(fx ? n - 1u : 0u, fy ? n - 1u : 0u, fz ? n - 1u : 0u);
+  r.turn = vec3(fx ? -1.0f : 1.0f, fy ? -1.0f : 1.0f, fz ? -1.0f : 1.0f);
+  r.flip = ivec3(fx ? n - 1 : 0, fy ? n - 1 : 0, fz ? n - 1 : 0);
   r.octFlip = (fx ? 1u : 0u) | (fy ? 2u : 0u) | (fz ? 4u : 0u);
   r.subFlip = (fx ? 3u : 0u) | (fy ? 12u : 0u) | (fz ? 48u : 0u);
   float enter = max(asvoMax3((vec3(0.0f) - o) * r.inv), tmin * scale);
@@ -199,75 +250,162 @@ bool asvoClip(vec3 origin, vec3 dir, float tmin, float tmax, ASVO_OUT(AsvoRay) r
   return enter <= leave;
 }
 
-/// Number of the octant, in the bits at `shift`, that holds the cell; not mirrored.
-uint asvoOctant(AsvoRay r, uvec3 cell, uint shift) ASVO_READS {
-  return (((cell.x >> shift) & 1u) | (((cell.y >> shift) & 1u) << 1) |
-          (((cell.z >> shift) & 1u) << 2)) ^
-         r.octFlip;
-}
-
-/// The cell behind the block of `extent` cells (a power of two) that holds `cell`; t becomes the
-/// distance where the ray leaves the block. Through one face, on the other axes within the block.
-uvec3 asvoStep(AsvoRay r, uvec3 cell, uint extent, vec3 texit, float t) ASVO_READS {
-  uvec3 last = cell | uvec3(extent - 1u);
-  uvec3 next = asvoCell(r.o + r.d * t, cell, last);
-  if (texit.x <= texit.y && texit.x <= texit.z) {
-    next.x = last.x + 1u;
-  } else if (texit.y <= texit.z) {
-    next.y = last.y + 1u;
-  } else {
-    next.z = last.z + 1u;
-  }
-  return next;
+/// Number of the octant, in the bits at `shift`, that holds the cell.
+uint asvoOctant(ivec3 cell, uint shift) ASVO_READS {
+  ivec3 bit = (cell >> ivec3(shift)) & ivec3(1);
+  return uint(bit.x | (bit.y << 1) | (bit.z << 2));
 }
 
 #ifdef ASVO_GRID
-/// The voxel of size 1 << stop that holds the cell, and stop as `shift`; or, where it is empty,
-/// ASVO_NONE and the size of the largest empty block. Starts from the grid of the upper levels.
-uint asvoDescend(AsvoRay r, uvec3 cell, uint stop, ASVO_OUT(uint) shift) ASVO_READS {
-  uint bits = ASVO_INFO.depth + 2u;
-  uint level = min(bits - stop, ASVO_GRID_LEVEL);
-  uvec3 place = (cell ^ r.flip) >> (bits - level);
-  uint child =
-      ASVO_GRID((1u << (3u * level)) + place.x + (place.y << level) + (place.z << (2u * level)));
-  if (child >= ASVO_GRID_EMPTY) {
-    shift = bits - (child - ASVO_GRID_EMPTY);
-    return ASVO_NONE;
-  }
-  shift = bits - level;
-  while (shift > stop) {
-    uvec2 node = ASVO_NODE(child);
-    shift -= 1u;
-    uint octant = asvoOctant(r, cell, shift);
-    if (((node.y >> octant) & 1u) == 0u) {
-      return ASVO_NONE;
-    }
-    child = node.x + uint(bitCount(node.y & ((1u << octant) - 1u)));
-  }
-  return child;
+
+/// What is at the cell (not mirrored), by the table of a level; not below it. `way`: the octant of
+/// the ray's direction.
+AsvoPlace asvoGridPlace(ivec3 cell, uint way, uint level) ASVO_READS {
+  AsvoPlace place;
+  place.shift = ASVO_INFO.depth + 2u - level;
+  ivec3 at = cell >> ivec3(place.shift);
+  uint entry =
+      ASVO_GRID(uint((1 << (3u * level)) + at.x + (at.y << level) + (at.z << (2u * level))));
+  bool empty = entry >= ASVO_GRID_EMPTY;
+  place.voxel = empty ? ASVO_NONE : entry;
+  place.blocks = empty ? int((entry >> (3u * way)) & 7u) + 1 : 1;
+  return place;
 }
+
+/// The voxel of size 1 << stop that holds the cell, or what is empty around it.
+AsvoPlace asvoPlace(ivec3 cell, uint way, uint stop) ASVO_READS {
+  AsvoPlace place = asvoGridPlace(cell, way, min(ASVO_INFO.depth + 2u - stop, ASVO_GRID_LEVEL));
+  while (place.voxel != ASVO_NONE && place.shift > stop) {
+    uvec4 brick = ASVO_BRICK(place.voxel);
+    uint high = asvoOctant(cell, place.shift - 1u);
+    uint eight = ((high < 4u ? brick.x : brick.y) >> (8u * (high & 3u))) & 255u;
+    if (eight == 0u) {
+      place.shift -= 1u;
+      place.voxel = ASVO_NONE;
+    } else if (place.shift == stop + 1u) {
+      // One bit of each byte that is not empty: the children.
+      uvec2 any = uvec2(brick.x, brick.y);
+      any |= any >> uvec2(4u);
+      any |= any >> uvec2(2u);
+      any |= any >> uvec2(1u);
+      any &= uvec2(0x01010101u);
+      uint below = (1u << (8u * (high & 3u))) - 1u;
+      place.voxel = brick.z + uint(high < 4u ? bitCount(any.x & below)
+                                             : bitCount(any.x) + bitCount(any.y & below));
+      place.shift -= 1u;
+    } else {
+      uint low = asvoOctant(cell, place.shift - 2u);
+      uint below = (1u << (8u * (high & 3u) + low)) - 1u;
+      uint rank = uint(high < 4u ? bitCount(brick.x & below)
+                                 : bitCount(brick.x) + bitCount(brick.y & below));
+      place.voxel = ((eight >> low) & 1u) != 0u ? brick.w + rank : ASVO_NONE;
+      place.shift -= 2u;
+    }
+  }
+  return place;
+}
+
+/// What a cone finds.
+AsvoPlace asvoConePlace(ivec3 cell, uint way, uint stop) ASVO_READS {
+  return asvoPlace(cell, way, stop);
+}
+
+#else
+
+/// The voxel of size 1 << stop that holds the cell (not mirrored), or the largest empty block
+/// around it.
+AsvoPlace asvoPlace(ivec3 cell, uint /*way*/, uint stop) ASVO_READS {
+  AsvoPlace place;
+  place.voxel = 0u;
+  place.shift = ASVO_INFO.depth + 2u;
+  place.blocks = 1;
+  while (place.shift > stop && place.voxel != ASVO_NONE) {
+    uvec2 node = ASVO_NODE(place.voxel);
+    place.shift -= 1u;
+    uint octant = asvoOctant(cell, place.shift);
+    bool there = ((node.y >> octant) & 1u) != 0u;
+    place.voxel = there ? node.x + uint(bitCount(node.y & ((1u << octant) - 1u))) : ASVO_NONE;
+  }
+  return place;
+}
+
+/// Edge of the cube of empty places of a level from this one in the direction of an octant, at most
+/// 8; by asking for each of them.
+int asvoEmptyCube(ivec3 at, uint level, uint way) ASVO_READS {
+  ivec3 signs =
+      ivec3((way & 1u) != 0u ? -1 : 1, (way & 2u) != 0u ? -1 : 1, (way & 4u) != 0u ? -1 : 1);
+  int cells = 1 << level;
+  uint shift = ASVO_INFO.depth + 2u - level;
+  for (int edge = 1; edge < 8; ++edge) {
+    int wide = edge + 1;
+    for (int i = 0; i < wide * wide * wide; ++i) {
+      ivec3 far = ivec3(i % wide, i / wide % wide, i / (wide * wide));
+      ivec3 p = at + signs * far;
+      bool shell = far.x == edge || far.y == edge || far.z == edge;
+      bool inside = p.x >= 0 && p.y >= 0 && p.z >= 0 && p.x < cells && p.y < cells && p.z < cells;
+      if (shell && inside && asvoPlace(p << ivec3(shift), way, shift).voxel != ASVO_NONE) {
+        return edge;
+      }
+    }
+  }
+  return 8;
+}
+
+/// What a cone finds: with the cubes of the tables, so that it takes the same steps.
+AsvoPlace asvoConePlace(ivec3 cell, uint way, uint stop) ASVO_READS {
+  uint bits = ASVO_INFO.depth + 2u;
+  uint grid = min(bits - stop, min(ASVO_INFO.depth - 1u, ASVO_MAX_GRID_LEVEL));
+  AsvoPlace place = asvoPlace(cell, way, stop);
+  if (place.voxel == ASVO_NONE && bits - place.shift <= grid) {
+    place.shift = bits - grid;
+    place.blocks = asvoEmptyCube(cell >> ivec3(place.shift), grid, way);
+  }
+  return place;
+}
+
 #endif
+
+/// Where the ray leaves the cube of blocks; `end`: the cell beyond its far corner.
+vec3 asvoExit(AsvoRay r, ivec3 cell, AsvoPlace place, ASVO_OUT(ivec3) end) ASVO_READS {
+  end = ((cell >> ivec3(place.shift)) + ivec3(place.blocks)) << ivec3(place.shift);
+  return (vec3(end) - r.o) * r.inv;
+}
+
+/// The cell behind the cube that ends at `end`, entered at distance t through one face.
+ivec3 asvoStep(AsvoRay r, ivec3 cell, ivec3 end, vec3 texit, float t) ASVO_READS {
+  ivec3 next = asvoCell(r.o + r.d * t, cell, end - ivec3(1));
+  bool x = texit.x <= texit.y && texit.x <= texit.z;
+  bool y = !x && texit.y <= texit.z;
+  next.x = x ? end.x : next.x;
+  next.y = y ? end.y : next.y;
+  next.z = x || y ? next.z : end.z;
+  return next;
+}
+
+bool asvoOutside(ivec3 cell) ASVO_READS {
+  return ((cell.x | cell.y | cell.z) >> (ASVO_INFO.depth + 2u)) != 0;
+}
 
 /// Traverses the sub-voxels of one leaf from `start` on, where the ray is at distance t. At a hit:
 /// its distance, the sub-voxel and the plane normal (zero if the leaf has no plane; not mirrored).
-bool asvoLeafHit(AsvoRay r, uvec3 start, float tstart, uvec4 leaf, ASVO_OUT(float) thit,
+bool asvoLeafHit(AsvoRay r, ivec3 start, float tstart, uvec4 leaf, ASVO_OUT(float) thit,
                  ASVO_OUT(uint) sub, ASVO_OUT(vec3) normal) ASVO_READS {
-  uvec3 cell = start;
+  ivec3 cell = start;
   float t = tstart;
   bool planar = leaf.w != ASVO_NO_PLANE;
   vec3 n = planar ? asvoOctDecode(leaf.z) : vec3(0.0f);
   normal = n;
-  n = vec3(r.flip.x != 0u ? -n.x : n.x, r.flip.y != 0u ? -n.y : n.y, r.flip.z != 0u ? -n.z : n.z);
+  n *= r.turn;
   // Distance from the plane along the ray: height + slope * t, in sub-voxels.
-  vec3 centre = vec3(cell & uvec3(~3u)) + vec3(2.0f);
+  vec3 centre = vec3(cell & ivec3(~3)) + vec3(2.0f);
   float height = planar ? dot(n, r.o - centre) - 4.0f * uintBitsToFloat(leaf.w) : 0.0f;
   float slope = dot(n, r.d);
   thit = t;
   sub = 0u;
   for (int i = 0; i < 10; ++i) {
-    vec3 texit = (vec3(cell + uvec3(1u)) - r.o) * r.inv;
+    vec3 texit = (vec3(cell + ivec3(1)) - r.o) * r.inv;
     float tnext = max(t, asvoMin3(texit));
-    uint bit = ((cell.x & 3u) | ((cell.y & 3u) << 2) | ((cell.z & 3u) << 4)) ^ r.subFlip;
+    uint bit = uint((cell.x & 3) | ((cell.y & 3) << 2) | ((cell.z & 3) << 4)) ^ r.subFlip;
     if ((((bit < 32u ? leaf.x : leaf.y) >> (bit & 31u)) & 1u) != 0u) {
       float h0 = height + slope * t;
       float h1 = height + slope * tnext;
@@ -280,42 +418,18 @@ bool asvoLeafHit(AsvoRay r, uvec3 start, float tstart, uvec4 leaf, ASVO_OUT(floa
     }
     t = tnext;
     if (texit.x <= texit.y && texit.x <= texit.z) {
-      cell.x += 1u;
+      cell.x += 1;
     } else if (texit.y <= texit.z) {
-      cell.y += 1u;
+      cell.y += 1;
     } else {
-      cell.z += 1u;
+      cell.z += 1;
     }
-    uvec3 moved = cell ^ start;
-    if ((moved.x | moved.y | moved.z) > 3u) {
+    ivec3 moved = cell ^ start;
+    if ((moved.x | moved.y | moved.z) > 3) {
       return false;
     }
   }
   return false;
-}
-
-/// Opacity of a voxel above the leaves, with lower corner `corner` and edge `edge` in sub-voxels,
-/// for the ray between t0 and t1. With a plane: how much of it is covered, if the ray meets it; so
-/// flat walls block however they are turned, and a ray that leaves a wall is not blocked by it.
-/// Else each axis blocks by its coverage, of whichever side, in proportion to the way that the ray
-/// makes along it: (1 - c)^(way / edge).
-float asvoOpacity(AsvoRay r, uvec4 voxel, vec3 corner, float edge, float t0, float t1) ASVO_READS {
-  uint plane = voxel.z >> 24;
-  if ((plane & 31u) != 0u) {
-    vec3 n = asvoOctDecode(voxel.w);
-    n = vec3(r.flip.x != 0u ? -n.x : n.x, r.flip.y != 0u ? -n.y : n.y, r.flip.z != 0u ? -n.z : n.z);
-    float offset = (float(plane & 31u) - 16.0f) * kAsvoPlaneStep + dot(n, vec3(0.5f));
-    float h0 = dot(n, r.o + r.d * t0 - corner) - offset * edge;
-    float h1 = h0 + dot(n, r.d) * (t1 - t0);
-    bool meets = h0 * h1 <= 0.0f || min(abs(h0), abs(h1)) <= kAsvoCoarseTolerance * edge;
-    return meets ? float((plane >> 5) + 1u) * 0.125f : 0.0f;
-  }
-  vec3 coverage = vec3(float(max(voxel.x & 255u, (voxel.x >> 8) & 255u)),
-                       float(max((voxel.x >> 16) & 255u, voxel.x >> 24)),
-                       float(max(voxel.y & 255u, (voxel.y >> 8) & 255u))) *
-                  (kAsvoCoverageGain / 255.0f);
-  vec3 clear = vec3(1.0f) - min(coverage, vec3(kAsvoMaxCoverage));
-  return 1.0f - exp2(dot(log2(clear), r.d) * ((t1 - t0) / edge));
 }
 
 /// Narrow ray: the first occupied sub-voxel in [tmin, tmax]. In a leaf with a plane the ray must
@@ -332,181 +446,172 @@ bool asvoIntersect(vec3 origin, vec3 dir, float tmin, float tmax,
   if (!asvoClip(origin, dir, tmin, tmax, r)) {
     return false;
   }
-  uint depth = ASVO_INFO.depth;
-  uint bits = depth + 2u;
-  uvec3 cell = asvoCell(r.o, uvec3(0u), uvec3((1u << bits) - 1u));
-#ifndef ASVO_GRID
-  uint firsts[ASVO_MAX_DEPTH + 1u];
-  uint masks[ASVO_MAX_DEPTH + 1u];
-  uvec2 node = ASVO_NODE(0u);
-  firsts[0] = node.x;
-  masks[0] = node.y;
-  uint level = 0u;
-#endif
+  uint bits = ASVO_INFO.depth + 2u;
+  ivec3 cell = asvoCell(r.o, ivec3(0), ivec3((1 << bits) - 1));
   float t = 0.0f;
-  uint limit = (3u << depth) + 4u;
+  uint limit = (3u << ASVO_INFO.depth) + 4u;
   for (uint i = 0u; i < limit; ++i) {
-#ifdef ASVO_GRID
-    uint shift;
-    uint child = asvoDescend(r, cell, 2u, shift);
-#else
-    uint child = ASVO_NONE;
-    uint shift = bits - 1u - level;
-    for (int j = 0; j < 13; ++j) {
-      uint octant = asvoOctant(r, cell, shift);
-      if (((node.y >> octant) & 1u) == 0u) {
-        child = ASVO_NONE;
-        break;
-      }
-      child = node.x + uint(bitCount(node.y & ((1u << octant) - 1u)));
-      if (shift == 2u) {
-        break;
-      }
-      node = ASVO_NODE(child);
-      level += 1u;
-      shift -= 1u;
-      firsts[level] = node.x;
-      masks[level] = node.y;
-    }
-#endif
-    if (child != ASVO_NONE) {
+    AsvoPlace place = asvoPlace(cell ^ r.flip, r.octFlip, 2u);
+    if (place.voxel != ASVO_NONE) {
       float thit;
       uint sub;
       vec3 normal;
-      uvec4 leaf = ASVO_LEAF(child - ASVO_INFO.firstLeaf);
+      uvec4 leaf = ASVO_LEAF(place.voxel - ASVO_INFO.firstLeaf);
       if (asvoLeafHit(r, cell, t, leaf, thit, sub, normal)) {
         if (thit > r.end) {
           return false;
         }
         hit.t = (r.base + thit) * (ASVO_INFO.size / float(1u << bits));
         hit.t = min(max(tmin, hit.t), tmax);
-        hit.voxel = child;
+        hit.voxel = place.voxel;
         hit.sub = sub;
-        normal = dot(normal, normal) > 0.5f ? normal : asvoNormal(child);
+        normal = dot(normal, normal) > 0.5f ? normal : asvoNormal(place.voxel);
         hit.normal = dot(normal, dir) > 0.0f ? -normal : normal;
         return true;
       }
     }
-    vec3 texit = (vec3((cell | uvec3((1u << shift) - 1u)) + uvec3(1u)) - r.o) * r.inv;
+    ivec3 end;
+    vec3 texit = asvoExit(r, cell, place, end);
     t = max(t, asvoMin3(texit));
-    uvec3 next = asvoStep(r, cell, 1u << shift, texit, t);
-    uvec3 moved = cell ^ next;
-    uint width = bitWidth(moved.x | moved.y | moved.z);
-    if (t >= r.end || width > bits) {
+    cell = asvoStep(r, cell, end, texit, t);
+    if (t >= r.end || asvoOutside(cell)) {
       return false;
     }
-    cell = next;
-#ifndef ASVO_GRID
-    level = min(level, bits - width);
-    node = uvec2(firsts[level], masks[level]);
-#endif
   }
   return false;
+}
+
+// --- Cones --------------------------------------------------------------------------------------
+
+/// The state of a cone on its way.
+struct AsvoMarch {
+  ivec3 cell;
+  float t;
+  vec3 radiance;
+  float transmittance;
+  bool done;
+};
+
+/// Opacity of a voxel above the leaves for the ray between t0 and t1. With a plane: how much of it
+/// is covered, if the ray meets it; so flat walls block however they are turned, and a ray that
+/// leaves a wall is not blocked by it. Else each axis blocks by its coverage, of whichever side, in
+/// proportion to the way that the ray makes along it: (1 - c)^(way / edge). `n`: normal, mirrored;
+/// `slope`: along the ray.
+float asvoOpacity(AsvoRay r, uint shape, vec3 n, float slope, ivec3 cell, uint shift, float t0,
+                  float t1) ASVO_READS {
+  float inverse = uintBitsToFloat((127u - shift) << 23);  // of the edge
+  float way = (t1 - t0) * inverse;
+  uint plane = shape >> 24;
+  vec3 corner = vec3((cell >> ivec3(shift)) << ivec3(shift));
+  vec3 entry = (r.o + r.d * t0 - corner) * inverse - vec3(0.5f);
+  float h0 = dot(n, entry) - (float(int(plane & 31u)) - 16.0f) * kAsvoPlaneStep;
+  float h1 = h0 + slope * way;
+  bool meets = h0 * h1 <= 0.0f || min(abs(h0), abs(h1)) <= kAsvoCoarseTolerance;
+  float sheet = meets ? float(int((plane >> 5) + 1u)) * 0.125f : 0.0f;
+  vec3 extinction = vec3(ivec3(uvec3(shape & 255u, (shape >> 8) & 255u, (shape >> 16) & 255u)));
+  float rough = 1.0f - exp2(dot(extinction, r.d) * way * (-8.0f / 255.0f));
+  return (plane & 31u) != 0u ? sheet : rough;
+}
+
+/// Level to read, as levels above the leaves: the width of the cone in leaf voxels, its power of
+/// two taken from the exponent.
+uint asvoConeLevel(float width) ASVO_READS {
+  uint coarsest = ASVO_INFO.depth - min(ASVO_INFO.depth, kAsvoMinLevel);
+  return min((floatBitsToUint(min(max(1.0f, width), 4096.0f)) >> 23) - 127u, coarsest);
+}
+
+/// Takes what a voxel sends and hides, up to the distance `until`. `fine`: it may be a leaf.
+void asvoConeTake(AsvoRay r, AsvoPlace place, float until, bool fine, bool lit,
+                  ASVO_INOUT(AsvoMarch) m) ASVO_READS {
+  uvec4 words = ASVO_CONE(place.voxel);
+  vec3 n = vec3(ivec3(uvec3(words.y & 1023u, (words.y >> 10) & 1023u, words.y >> 20)));
+  n = (n * (1.0f / 511.0f) - vec3(1.0f)) * r.turn;
+  float slope = dot(n, r.d);
+  float opacity = asvoOpacity(r, words.x, n, slope, m.cell, place.shift, m.t, until);
+  if (fine && place.shift == 2u) {
+    float thit;
+    uint sub;
+    vec3 normal;
+    uvec4 leaf = ASVO_LEAF(place.voxel - ASVO_INFO.firstLeaf);
+    opacity = asvoLeafHit(r, m.cell, m.t, leaf, thit, sub, normal) && thit <= r.end ? 1.0f : 0.0f;
+  }
+  if (lit) {
+    m.radiance += (m.transmittance * opacity) * asvoUnpackRgb9e5(slope <= 0.0f ? words.z : words.w);
+  }
+  m.transmittance *= 1.0f - opacity;
+}
+
+/// Goes through a place, taking what is there.
+void asvoConeStep(AsvoRay r, AsvoPlace place, bool fine, bool lit,
+                  ASVO_INOUT(AsvoMarch) m) ASVO_READS {
+  ivec3 end;
+  vec3 texit = asvoExit(r, m.cell, place, end);
+  float t = max(m.t, asvoMin3(texit));
+  if (place.voxel != ASVO_NONE) {
+    asvoConeTake(r, place, min(t, r.end), fine, lit, m);
+  }
+  m.t = t;
+  m.cell = asvoStep(r, m.cell, end, texit, t);
+  m.done = t >= r.end || m.transmittance < kAsvoMinTransmittance || asvoOutside(m.cell);
+}
+
+/// The finest level in the grid, as levels above the leaves; above all levels without a grid.
+uint asvoGridShift() ASVO_READS {
+#ifdef ASVO_GRID
+  return ASVO_INFO.depth - ASVO_GRID_LEVEL;
+#else
+  return ASVO_MAX_DEPTH + 1u;
+#endif
+}
+
+/// Whether a cone reads only levels of the grid from its start on.
+bool asvoStartsWide(float tanHalf, float tmin, float jitter) ASVO_READS {
+  float cells = float(4u << ASVO_INFO.depth) / ASVO_INFO.size;
+  return asvoConeLevel(0.5f * tanHalf * exp2(jitter) * tmin * cells) >= asvoGridShift();
 }
 
 /// March of a cone; see asvoGather. `lit` false: transmittance alone.
 AsvoCone asvoMarch(vec3 origin, vec3 dir, float tanHalf, float tmin, float tmax, float jitter,
                    bool lit) ASVO_READS {
-  AsvoCone cone;
-  cone.radiance = vec3(0.0f);
-  cone.transmittance = 1.0f;
-  uint depth = ASVO_INFO.depth;
-  uint bits = depth + 2u;
-  float leafEdge = ASVO_INFO.size / float(1u << depth);
+  float leafEdge = ASVO_INFO.size / float(1u << ASVO_INFO.depth);
   // The jitter also dithers the level: floor(log2(width) + jitter) is log2(width) on average.
   float widthScale = 0.5f * tanHalf * exp2(jitter);
   float start = tmin + 0.5f * jitter * max(leafEdge, 2.0f * tanHalf * tmin);
   AsvoRay r;
-  if (!asvoClip(origin, dir, start, tmax, r)) {
-    return cone;
+  AsvoMarch m;
+  m.done = !asvoClip(origin, dir, start, tmax, r);
+  m.cell = asvoCell(r.o, ivec3(0), ivec3((4 << ASVO_INFO.depth) - 1));
+  m.t = 0.0f;
+  m.radiance = vec3(0.0f);
+  m.transmittance = 1.0f;
+  int limit = int(3u << ASVO_INFO.depth) + 4;
+  uint coarse = asvoGridShift();
+  while (ASVO_FINE && !m.done && limit > 0) {
+    uint level = asvoConeLevel(widthScale * (r.base + m.t));
+    if (level >= coarse) {
+      break;
+    }
+    asvoConeStep(r, asvoConePlace(m.cell ^ r.flip, r.octFlip, level + 2u), true, lit, m);
+    limit -= 1;
   }
-  uvec3 cell = asvoCell(r.o, uvec3(0u), uvec3((1u << bits) - 1u));
-#ifndef ASVO_GRID
-  uint firsts[ASVO_MAX_DEPTH + 1u];
-  uint masks[ASVO_MAX_DEPTH + 1u];
-  uvec2 node = ASVO_NODE(0u);
-  firsts[0] = node.x;
-  masks[0] = node.y;
-  uint level = 0u;
-#endif
-  float t = 0.0f;
-  uint limit = (3u << depth) + 4u;
-  for (uint i = 0u; i < limit; ++i) {
-    // Level to read: the width of the cone in leaf voxels, its power of two taken from the
-    // exponent.
-    float width = min(max(1.0f, widthScale * (r.base + t)), 4096.0f);
-    uint coarser = min((floatBitsToUint(width) >> 23) - 127u, depth - min(depth, kAsvoMinLevel));
-    uint stop = coarser + 2u;
 #ifdef ASVO_GRID
-    uint shift;
-    uint child = asvoDescend(r, cell, stop, shift);
-#else
-    level = min(level, depth - coarser - 1u);
-    node = uvec2(firsts[level], masks[level]);
-    uint child = ASVO_NONE;
-    uint shift = bits - 1u - level;
-    for (int j = 0; j < 13; ++j) {
-      uint octant = asvoOctant(r, cell, shift);
-      if (((node.y >> octant) & 1u) == 0u) {
-        child = ASVO_NONE;
-        break;
-      }
-      child = node.x + uint(bitCount(node.y & ((1u << octant) - 1u)));
-      if (shift == stop) {
-        break;
-      }
-      node = ASVO_NODE(child);
-      level += 1u;
-      shift -= 1u;
-      firsts[level] = node.x;
-      masks[level] = node.y;
-    }
-#endif
-    vec3 texit = (vec3((cell | uvec3((1u << shift) - 1u)) + uvec3(1u)) - r.o) * r.inv;
-    float tnext = max(t, asvoMin3(texit));
-    if (child != ASVO_NONE) {
-      float opacity = 0.0f;
-      uvec4 v = ASVO_VOXEL(2u * child);
-      if (stop == 2u) {
-        float thit;
-        uint sub;
-        vec3 normal;
-        if (asvoLeafHit(r, cell, t, ASVO_LEAF(child - ASVO_INFO.firstLeaf), thit, sub, normal)) {
-          opacity = thit <= r.end ? 1.0f : 0.0f;
-        }
-      } else {
-        vec3 corner = vec3(cell & uvec3(~((1u << shift) - 1u)));
-        opacity = asvoOpacity(r, v, corner, float(1u << shift), t, min(tnext, r.end));
-      }
-      if (lit && opacity > 0.0f) {
-        uvec4 light = ASVO_LIGHT(child);
-        bool front = dot(asvoOctDecode(v.w), dir) <= 0.0f;
-        cone.radiance += (cone.transmittance * opacity * kAsvoInvPi) * asvoUnpackAlbedo(v.z) *
-                         asvoUnpackRgb9e5(front ? light.x : light.y);
-      }
-      cone.transmittance *= 1.0f - opacity;
-      if (cone.transmittance < kAsvoMinTransmittance) {
-        return cone;
-      }
-    }
-    t = tnext;
-    uvec3 next = asvoStep(r, cell, 1u << shift, texit, t);
-    uvec3 moved = cell ^ next;
-    uint changed = bitWidth(moved.x | moved.y | moved.z);
-    if (t >= r.end || changed > bits) {
-      return cone;
-    }
-    cell = next;
-#ifndef ASVO_GRID
-    level = min(level, bits - changed);
-#endif
+  // A cone grows: from here on it reads levels of the grid, where a step costs least.
+  while (!m.done && limit > 0) {
+    uint level = max(coarse, asvoConeLevel(widthScale * (r.base + m.t)));
+    AsvoPlace place = asvoGridPlace(m.cell ^ r.flip, r.octFlip, ASVO_INFO.depth - level);
+    asvoConeStep(r, place, false, lit, m);
+    limit -= 1;
   }
+#endif
+  AsvoCone cone;
+  cone.radiance = m.radiance;
+  cone.transmittance = m.transmittance;
   return cone;
 }
 
 /// Gathers along a cone with apex `origin` and half angle atan(tanHalf), from tmin to tmax. The
 /// start is moved by `jitter` in [0, 1) of half the cone's width there (at least half a leaf); the
-/// jitter also dithers the level that is read. Radiance: cached outgoing light (asvoOutgoing) front
+/// jitter also dithers the level that is read. Radiance: what voxels send out (asvoConeWords) front
 /// to back.
 AsvoCone asvoGather(vec3 origin, vec3 dir, float tanHalf, float tmin, float tmax,
                     float jitter) ASVO_READS {
@@ -524,18 +629,8 @@ float asvoTransmittance(vec3 origin, vec3 dir, float tanHalf, float tmin, float 
 /// The voxel of a level (0 root, ASVO_INFO.depth leaves) at a cell of that level; ASVO_NONE if
 /// empty.
 uint asvoFindCell(uvec3 cell, uint level) ASVO_READS {
-  uint voxel = 0u;
-  for (uint l = level; l > 0u; --l) {
-    uint shift = l - 1u;
-    uint octant = ((cell.x >> shift) & 1u) | (((cell.y >> shift) & 1u) << 1) |
-                  (((cell.z >> shift) & 1u) << 2);
-    uvec2 node = ASVO_NODE(voxel);
-    if (((node.y >> octant) & 1u) == 0u) {
-      return ASVO_NONE;
-    }
-    voxel = node.x + uint(bitCount(node.y & ((1u << octant) - 1u)));
-  }
-  return voxel;
+  uint shift = ASVO_INFO.depth + 2u - level;
+  return asvoPlace(ivec3(cell) << ivec3(shift), 0u, shift).voxel;
 }
 
 /// Position in units of voxels of a level, from the corner of the cube.

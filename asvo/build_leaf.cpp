@@ -60,6 +60,15 @@ glm::vec3 alignedNormal(std::span<const LeafBuilder::Piece> pieces) {
   return along < 0.0f ? -normal : normal;
 }
 
+/// A number in [0, 1) for a leaf. Photons multiply albedos along a path, so a rounding that is the
+/// same in all leaves adds up: 0.9 as 230/255 makes a closed room 2 % too bright. Dithered, the
+/// mean over leaves is right.
+float ditherOf(std::uint64_t key) {
+  key = (key ^ key >> 31) * 0x9e3779b97f4a7c15ull;
+  key = (key ^ key >> 29) * 0xbf58476d1ce4e5b9ull;
+  return static_cast<float>(key >> 40) * 0x1p-24f;
+}
+
 }  // namespace
 
 const Tracer& packer() {
@@ -86,7 +95,7 @@ glm::vec3 NormalSum::normal() const {
   return length > 0.0f ? sum / length : last_;
 }
 
-void VoxelSums::pack(uvec4& first, uvec4& second) const {
+void VoxelSums::pack(uvec4& first, uvec4& second, float dither) const {
   auto unorm = [](float x) {
     return static_cast<std::uint32_t>(std::clamp(x, 0.0f, 1.0f) * 255.0f + 0.5f);
   };
@@ -96,7 +105,10 @@ void VoxelSums::pack(uvec4& first, uvec4& second) const {
   first.x = unorm(coverage[0]) | unorm(coverage[1]) << 8 | unorm(coverage[2]) << 16 |
             unorm(coverage[3]) << 24;
   first.y = unorm(coverage[4]) | unorm(coverage[5]) << 8 | material << 16;
-  first.z = unorm(a.x) | unorm(a.y) << 8 | unorm(a.z) << 16;
+  auto dithered = [dither](float x) {
+    return static_cast<std::uint32_t>(std::clamp(x, 0.0f, 1.0f) * 255.0f + dither);
+  };
+  first.z = dithered(a.x) | dithered(a.y) << 8 | dithered(a.z) << 16;
   first.w = packer().asvoOctEncode(normal);
   second.x = packer().asvoPackRgb9e5(power[0] * inverse);
   second.y = packer().asvoPackRgb9e5(power[1] * inverse);
@@ -244,7 +256,7 @@ void LeafBuilder::finish(std::uint64_t key, LeafList& out) {
   sums.area = std::max(sides.x, sides.y);
   sums.material = dominantMaterial();
   uvec4 first, second;
-  sums.pack(first, second);
+  sums.pack(first, second, ditherOf(key));
   out.keys.push_back(key);
   out.voxels.push_back(first);
   out.voxels.push_back(second);

@@ -135,7 +135,8 @@ struct VoxelSums {
   glm::vec3 power[2] = {glm::vec3(0.0f), glm::vec3(0.0f)};  ///< radiance * area by side
   float area = 0.0f;                                        ///< of a side, m^2
   std::uint32_t material = 0;
-  void pack(uvec4& first, uvec4& second) const;
+  /// `dither` in [0, 1): what is added before albedo is cut to 8 bits; 0.5 rounds.
+  void pack(uvec4& first, uvec4& second, float dither = 0.5f) const;
 };
 
 /// Gives access to the packing functions of the tracer.

@@ -13,6 +13,7 @@ namespace trace {
 // The GLSL names that asvo_trace.h uses for scalars; those of vectors are found by their arguments.
 using glm::abs;
 using glm::exp2;
+using glm::log2;
 using glm::max;
 using glm::min;
 inline int bitCount(uint x) { return std::popcount(x); }
@@ -43,6 +44,8 @@ class Tracer {
 #undef ASVO_LEAF
 #undef ASVO_LIGHT
 #undef ASVO_INFO
+#undef ASVO_CONE
+#undef ASVO_FINE
 
  private:
   AsvoInfo info_;

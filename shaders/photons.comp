@@ -13,6 +13,7 @@ layout(local_size_x_id = 0) in;
 layout(push_constant) uniform Push {
   AsvoInfo info;
   uint gridLevel;
+  uint firstBrick;
   uint first;   // of this dispatch
   uint end;     // one past its last record
   uint stride;  // invocations that take records

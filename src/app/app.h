@@ -17,10 +17,14 @@ void addInfoCommand(CLI::App& app);
 void addDoctorCommand(CLI::App& app);
 /// Adds `trex diff`. Its exit code, 0 or 6, is written to `exitCode`.
 void addDiffCommand(CLI::App& app, int& exitCode);
+/// Adds `trex export-vdb`.
+void addExportVdbCommand(CLI::App& app);
 /// Adds `trex merge`.
 void addMergeCommand(CLI::App& app);
 /// Adds `trex bench`. Its exit code, 0, 130 or 143, is written to `exitCode`.
 void addBenchCommand(CLI::App& app, int& exitCode);
+/// Adds `trex bench asvo`.
+void addBenchAsvoCommand(CLI::App& bench);
 
 /// Adds `trex view`, which becomes the program trex-view with the arguments of this one.
 void addViewCommand(CLI::App& app, int argc, char** argv);

@@ -249,6 +249,7 @@ void addBenchCommand(CLI::App& app, int& exitCode) {
   CLI::App* bench = app.add_subcommand("bench", "Measure this program on this machine");
   bench->require_subcommand(1);
   addHccmeshBench(*bench);
+  addBenchAsvoCommand(*bench);
   CLI::App* c =
       bench->add_subcommand("tradeoff", "Error over time for several shares of exactness");
   c->add_option("SCENE", a->scenes, "Models: .gltf .glb .ply .obj");

@@ -37,6 +37,7 @@ int run(int argc, char** argv) {
   trex::addDoctorCommand(app);
   trex::addDiffCommand(app, exitCode);
   trex::addMergeCommand(app);
+  trex::addExportVdbCommand(app);
   trex::addBenchCommand(app, exitCode);
   try {
     app.parse(argc, argv);

@@ -257,8 +257,10 @@ void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsd
     request.tanHalf =
         std::min(std::sqrt(light.solidAngle * kInvPi), guess_.footprint.diffuseSpread) * 0.25f;
     request.tmin = near;
-    // The emitter's own voxels must not shadow it.
-    request.tmax = light.distance - 2.0f * guess_.cache->leafSize();
+    // The emitter's own voxels must not shadow it: those that the cone reads there are as wide as
+    // the cone.
+    request.tmax = light.distance - std::max(2.0f * guess_.cache->leafSize(),
+                                             2.0f * request.tanHalf * light.distance);
     request.jitter = path.sampler.next1D();
     request.background = unweighted * guessWeight;
     request.direct = direct;

@@ -7,6 +7,7 @@
 #include <bit>
 #include <cassert>
 #include <chrono>
+#include <optional>
 
 #include "src/core/error.h"
 #include "src/grays/cpu_photons.h"
@@ -48,8 +49,11 @@ class CpuTracer final : public GRayTracer {
       : tree_(tree),
         materials_(materials.begin(), materials.end()),
         light_(tree.nodes.size()),
-        grid_(tree.info.leafCount > 0 ? makeGrid(tree) : std::vector<std::uint32_t>()),
-        tracer_(tree, grid_, light_.front()) {
+        cones_(tree),
+        grid_(tree.info.leafCount > 0 ? makeGrid(tree, photonGridLevel(tree.info))
+                                      : std::vector<std::uint32_t>()),
+        bricks_(tree.info.leafCount > 0 ? makeBricks(tree) : std::vector<asvo::uvec4>()),
+        tracer_(tree, photonGridLevel(tree.info), grid_, bricks_, light_.front(), {}) {
     if (materials_.empty()) materials_.push_back({});
   }
 
@@ -61,6 +65,7 @@ class CpuTracer final : public GRayTracer {
   int submitGather(std::span<const GatherQuery> queries) override {
     GatherSlot& slot = slots_[next_ & 1u];
     assert(!slot.open && "at most two batches may be under way");
+    if (cones_.stale() && tree_.info.leafCount > 0) refreshCones();
     slot.queries.assign(queries.begin(), queries.end());
     slot.results.resize(queries.size());
     slot.open = true;
@@ -92,6 +97,7 @@ class CpuTracer final : public GRayTracer {
     waitAll();
     materials_.assign(materials.begin(), materials.end());
     if (materials_.empty()) materials_.push_back({});
+    cones_.lightChanged();
   }
 
   void tracePhotons(std::span<const shaderio::PhotonRecord> records, double unit) override {
@@ -134,7 +140,7 @@ class CpuTracer final : public GRayTracer {
                         unit_ / static_cast<double>(emittedPhotons), emittedPhotons, keepGoing)) {
       return false;
     }
-    tracer_ = GridTracer(tree_, grid_, light_.front());
+    cones_.lightChanged();
     return true;
   }
 
@@ -144,6 +150,16 @@ class CpuTracer final : public GRayTracer {
  private:
   static std::span<const std::uint32_t> words(const std::vector<std::uint64_t>& sums) {
     return {reinterpret_cast<const std::uint32_t*>(sums.data()), sums.size() * 2};
+  }
+
+  /// Makes what cones read, or brings it up to date.
+  void refreshCones() {
+    waitAll();
+    cones_.refresh(light_.front(), materials_);
+    const std::uint32_t level = coneGridLevel(tree_.info);
+    if (coneTracer_) return;
+    coneGrid_ = makeGrid(tree_, level);
+    coneTracer_.emplace(tree_, level, coneGrid_, bricks_, light_.front(), cones_.words());
   }
 
   void waitAll() {
@@ -166,15 +182,19 @@ class CpuTracer final : public GRayTracer {
   GatherResult gatherOne(const GatherQuery& q) const {
     const bool lit = (q.flags & shaderio::kQueryShadow) == 0;
     const auto cone =
-        tracer_.asvoMarch(q.origin, q.direction, q.tanHalf, q.tmin, q.tmax, q.jitter, lit);
+        coneTracer_->asvoMarch(q.origin, q.direction, q.tanHalf, q.tmin, q.tmax, q.jitter, lit);
     return {cone.radiance, cone.transmittance};
   }
 
   const asvo::Tree& tree_;
   std::vector<shaderio::PhotonMaterial> materials_;
   LightBuffers light_;
+  ConeTable cones_;
   std::vector<std::uint32_t> grid_;
-  GridTracer tracer_;
+  std::vector<asvo::uvec4> bricks_;
+  const GridTracer tracer_;  // of photons
+  std::vector<std::uint32_t> coneGrid_;
+  std::optional<GridTracer> coneTracer_;          // made when a cone first asks
   std::vector<std::uint64_t> direct_, indirect_;  // made when the first photons come
   double unit_ = 0.0;
   std::array<GatherSlot, 2> slots_;

@@ -16,6 +16,8 @@ using glm::vec4;
 #endif
 
 SHADERIO_CONST uint kWorkgroupSize = 64u;
+/// Of gathering: larger, as its invocations end at about the same time.
+SHADERIO_CONST uint kGatherGroupSize = 256u;
 
 /// Bits of GatherQuery::flags.
 SHADERIO_CONST uint kQueryShadow = 1u;  // transmittance alone; radiance is 0
@@ -29,7 +31,7 @@ struct GatherQuery {
   float tmax;
   float jitter;  // [0, 1)
   uint flags;
-  uint pad;
+  uint index;  // of its result; set by the tracer
 };
 
 /// Its answer. 16 bytes.

@@ -1,72 +1,96 @@
 #include <algorithm>
 #include <cassert>
-#include <cstring>
 
-#include "src/grays/grid.h"
 #include "src/grays/shaders.h"
+#include "src/grays/tables.h"
 #include "src/grays/vulkan_passes.h"
 
 namespace trex {
 
 namespace {
 
-/// GatherPush constants of gather.comp.
+/// Push constants of gather.comp.
 struct GatherPush {
   asvo::AsvoInfo info;
-  std::uint32_t gridLevel, first, end;
+  std::uint32_t gridLevel, firstBrick, first, end;
 };
-static_assert(sizeof(GatherPush) == 44);
+static_assert(sizeof(GatherPush) == 48);
+
+/// Queries that one batch may have where they are read as texels, three each.
+constexpr std::uint64_t kMostQueries = 1u << 22;
 
 // A software device gathers texels with vector instructions but fetches from storage buffers lane
 // by lane. GPUs read both alike and keep the format the tree is stored in.
 bool useTexels(const vulkan::Device& device, const asvo::Tree& tree) {
   return device.info().sharesHostCores &&
+         3 * kMostQueries <= device.info().maxTexelBufferElements &&
          tree.voxels.size() <= device.info().maxTexelBufferElements &&
-         std::uint64_t{2} << (3 * gridLevel(tree.info)) <= device.info().maxTexelBufferElements;
+         std::uint64_t{2} << (3 * coneGridLevel(tree.info)) <= device.info().maxTexelBufferElements;
 }
 
 }  // namespace
 
 TreeBuffers::TreeBuffers(vulkan::Device& device, const asvo::Tree& tree, bool storageBuffers)
     : info(tree.info),
-      gridLevel(trex::gridLevel(tree.info)),
+      gridLevel(photonGridLevel(tree.info)),
+      firstBrick(trex::firstBrick(tree)),
       texels(!storageBuffers && useTexels(device, tree)),
-      nodes(device, "the nodes of the voxel tree", std::as_bytes(std::span(tree.nodes)).size(),
-            vulkan::Place::kDevice),
+      bricks(device, "the bricks of the voxel tree",
+             std::max(1u, brickCount(tree)) * sizeof(asvo::uvec4), vulkan::Place::kDevice),
       voxels(device, "the voxels", std::as_bytes(std::span(tree.voxels)).size(),
              vulkan::Place::kDevice),
       leaves(device, "the leaves of the voxel tree", std::as_bytes(std::span(tree.leaves)).size(),
              vulkan::Place::kDevice),
-      light(device, "the light of the voxels", tree.nodes.size() * sizeof(asvo::uvec4),
+      cones(device, "what cones read of the voxels", tree.nodes.size() * sizeof(asvo::uvec4),
             vulkan::Place::kDevice),
       grid(device, "the grid of the voxel tree", std::uint64_t{8} << (3 * gridLevel),
            vulkan::Place::kDevice) {
-  nodes.upload(std::as_bytes(std::span(tree.nodes)));
+  const std::vector<asvo::uvec4> entriesOfBricks = makeBricks(tree);
+  bricks.upload(std::as_bytes(std::span(entriesOfBricks)));
   voxels.upload(std::as_bytes(std::span(tree.voxels)));
   leaves.upload(std::as_bytes(std::span(tree.leaves)));
-  const std::vector<std::uint32_t> entries = makeGrid(tree);
+  const std::vector<std::uint32_t> entries = makeGrid(tree, gridLevel);
   grid.upload(std::as_bytes(std::span(entries)));
-  light.clear();
+  cones.clear();
 }
 
 std::vector<std::uint32_t> TreeBuffers::texelWords() const {
   if (!texels) return {};
-  return {2, 4, 4, 4, 1};
+  return {4, 4, 4, 4, 1};
 }
 
 std::uint32_t workgroupSize(const vulkan::Device& device) {
   return std::min(shaderio::kWorkgroupSize, device.info().maxWorkgroupInvocations);
 }
 
-void GatherPass::grow(Slot& slot, std::size_t count) {
-  if (!kernel_) {
-    kernel_.emplace(device_, vulkan::KernelOptions{.name = "gather",
-                                                   .spirv = gatherShader(tree_.texels),
-                                                   .bindings = 7,
-                                                   .texelWords = tree_.texelWords(),
-                                                   .pushBytes = sizeof(GatherPush),
-                                                   .constants = {workgroupSize(device_)}});
+/// The tree's, and four for the queries (three texels each).
+std::vector<std::uint32_t> GatherPass::texelWords() const {
+  std::vector<std::uint32_t> words = tree_.texelWords();
+  if (!words.empty()) words.push_back(4);
+  return words;
+}
+
+std::uint32_t GatherPass::groupSize() const {
+  return std::min(shaderio::kGatherGroupSize, device_.info().maxWorkgroupInvocations);
+}
+
+void GatherPass::makeKernels() {
+  const std::vector<std::uint32_t> entries = makeGrid(source_, coneGridLevel(tree_.info));
+  const auto bytes = std::as_bytes(std::span(entries));
+  grid_.emplace(device_, "the grid of cones", bytes.size(), vulkan::Place::kDevice);
+  grid_->upload(bytes);
+  for (std::uint32_t fine = 0; fine < 2; ++fine) {
+    kernels_[fine].emplace(device_, vulkan::KernelOptions{.name = "gather",
+                                                          .spirv = gatherShader(tree_.texels),
+                                                          .bindings = 7,
+                                                          .texelWords = texelWords(),
+                                                          .pushBytes = sizeof(GatherPush),
+                                                          .constants = {groupSize(), fine}});
   }
+}
+
+void GatherPass::grow(Slot& slot, std::size_t count) {
+  if (!kernels_[0]) makeKernels();
   if (count <= slot.capacity) return;
   slot.bindings.reset();
   slot.queries.reset();
@@ -77,36 +101,43 @@ void GatherPass::grow(Slot& slot, std::size_t count) {
   slot.results.emplace(device_, "results of gathering", count * sizeof(shaderio::GatherResult),
                        vulkan::Place::kHost);
   const std::array<const vulkan::Buffer*, 7> buffers = {
-      &tree_.nodes, &tree_.voxels,  &tree_.leaves, &tree_.light,
-      &tree_.grid,  &*slot.queries, &*slot.results};
-  slot.bindings.emplace(device_, *kernel_, buffers);
+      &tree_.bricks, &tree_.voxels,  &tree_.leaves, &tree_.cones,
+      &*grid_,       &*slot.queries, &*slot.results};
+  slot.bindings.emplace(device_, *kernels_[0], buffers);
   slot.capacity = count;
 }
 
 int GatherPass::submit(std::span<const shaderio::GatherQuery> queries) {
   Slot& slot = slots_[next_ & 1u];
   assert(!slot.open && "at most two batches may be under way");
+  assert(!tree_.texels || queries.size() <= kMostQueries);
   grow(slot, std::max<std::size_t>(queries.size(), 1));
   if (!slot.batch) slot.batch.emplace(device_);
-  const auto bytes = std::as_bytes(queries);
-  if (!bytes.empty()) std::memcpy(slot.queries->mapped(), bytes.data(), bytes.size());
-
-  const std::uint32_t size = workgroupSize(device_);
-  const std::uint64_t slice = std::clamp<std::uint64_t>(
-      slicer_.items(), size, std::uint64_t{device_.info().maxWorkgroupCount} * size);
   const auto count = static_cast<std::uint32_t>(queries.size());
-  for (std::uint64_t first = 0; first < count; first += slice) {
-    const auto end = static_cast<std::uint32_t>(std::min<std::uint64_t>(count, first + slice));
-    const GatherPush push{tree_.info, tree_.gridLevel, static_cast<std::uint32_t>(first), end};
-    const auto groups = static_cast<std::uint32_t>((end - first + size - 1) / size);
-    slot.batch->dispatch(*kernel_, *slot.bindings, std::as_bytes(std::span(&push, 1)), groups);
-  }
+  auto* out = reinterpret_cast<shaderio::GatherQuery*>(slot.queries->mapped());
+  const std::uint32_t wide = order_.write(queries, out);
+  dispatch(slot, 0, 0, wide);
+  dispatch(slot, 1, wide, count);
   slot.start = Clock::now();
   slot.batch->submit();
   slot.count = queries.size();
   slot.open = true;
   slot.running = true;
   return static_cast<int>(next_++);
+}
+
+void GatherPass::dispatch(Slot& slot, std::size_t variant, std::uint32_t begin, std::uint32_t end) {
+  const std::uint32_t size = groupSize();
+  const std::uint64_t slice = std::clamp<std::uint64_t>(
+      slicer_.items(), size, std::uint64_t{device_.info().maxWorkgroupCount} * size);
+  for (std::uint64_t first = begin; first < end; first += slice) {
+    const auto last = static_cast<std::uint32_t>(std::min<std::uint64_t>(end, first + slice));
+    const GatherPush push{tree_.info, coneGridLevel(tree_.info), tree_.firstBrick,
+                    static_cast<std::uint32_t>(first), last};
+    const auto groups = static_cast<std::uint32_t>((last - first + size - 1) / size);
+    slot.batch->dispatch(*kernels_[variant], *slot.bindings, std::as_bytes(std::span(&push, 1)),
+                         groups);
+  }
 }
 
 void GatherPass::wait(Slot& slot) {

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "asvo/asvo.h"
+#include "src/grays/query_order.h"
 #include "src/grays/shaderio.h"
 #include "src/vulkan/vulkan.h"
 
@@ -19,9 +20,9 @@ namespace trex {
 struct TreeBuffers {
   TreeBuffers(vulkan::Device& device, const asvo::Tree& tree, bool storageBuffers);
   asvo::AsvoInfo info;
-  std::uint32_t gridLevel;
+  std::uint32_t gridLevel, firstBrick;
   bool texels;  ///< read through texel buffers (shaders/tree.h)
-  vulkan::Buffer nodes, voxels, leaves, light, grid;
+  vulkan::Buffer bricks, voxels, leaves, cones, grid;
   /// KernelOptions::texelWords of the kernels that read this tree.
   std::vector<std::uint32_t> texelWords() const;
 };
@@ -31,7 +32,11 @@ std::uint32_t workgroupSize(const vulkan::Device& device);
 
 class GatherPass {
  public:
-  GatherPass(vulkan::Device& device, const TreeBuffers& tree) : device_(device), tree_(tree) {}
+  GatherPass(vulkan::Device& device, const TreeBuffers& buffers, const asvo::Tree& tree)
+      : device_(device),
+        tree_(buffers),
+        source_(tree),
+        tracer_(tree, coneGridLevel(tree.info), {}, {}, {}, {}) {}
 
   int submit(std::span<const shaderio::GatherQuery> queries);
   std::span<const shaderio::GatherResult> finish(int ticket);
@@ -49,12 +54,20 @@ class GatherPass {
     Clock::time_point start;
     bool open = false, running = false;
   };
+  std::vector<std::uint32_t> texelWords() const;
+  std::uint32_t groupSize() const;
+  void makeKernels();
   void grow(Slot& slot, std::size_t count);
+  void dispatch(Slot& slot, std::size_t variant, std::uint32_t begin, std::uint32_t end);
   void wait(Slot& slot);
 
   vulkan::Device& device_;
   const TreeBuffers& tree_;
-  std::optional<vulkan::Kernel> kernel_;
+  const asvo::Tree& source_;
+  std::optional<vulkan::Buffer> grid_;  ///< finer than the photons'; made with the kernels
+  GridTracer tracer_;                   ///< for what it says of a cone's start; without arrays
+  QueryOrder order_{tracer_};
+  std::array<std::optional<vulkan::Kernel>, 2> kernels_;  ///< for cones that start wide; for all
   std::array<Slot, 2> slots_;
   vulkan::Slicer slicer_{1u << 14};
   Clock::time_point lastEnd_{};

@@ -11,13 +11,13 @@ namespace trex {
 
 namespace {
 
-/// PhotonPush constants of photons.comp.
+/// Push constants of photons.comp.
 struct PhotonPush {
   asvo::AsvoInfo info;
-  std::uint32_t gridLevel, first, end, stride, materialCount;
+  std::uint32_t gridLevel, firstBrick, first, end, stride, materialCount;
   float countsPerWatt;
 };
-static_assert(sizeof(PhotonPush) == 56);
+static_assert(sizeof(PhotonPush) == 60);
 
 /// Photons that share an invocation: enough to even out the lengths of their paths, but not so many
 /// that a wide device is left without work.
@@ -64,8 +64,8 @@ void PhotonPass::makeKernel() {
                                                  .pushBytes = sizeof(PhotonPush),
                                                  .constants = {workgroupSize(device_)}});
   const std::array<const vulkan::Buffer*, 10> buffers = {
-      &tree_.nodes, &tree_.voxels, &tree_.leaves, &tree_.light, &tree_.grid,
-      &records_,    &materials_,   &direct_,      &indirect_,   &counters_};
+      &tree_.bricks, &tree_.voxels, &tree_.leaves, &tree_.cones, &tree_.grid,
+      &records_,     &materials_,   &direct_,      &indirect_,   &counters_};
   bindings_.emplace(device_, *kernel_, buffers);
 }
 
@@ -95,8 +95,8 @@ void PhotonPass::traceSlice(std::span<const shaderio::PhotonRecord> records, flo
       std::min(count, std::max(kLeastInvocations, count / kPhotonsPerInvocation));
   const std::uint32_t groups =
       std::min((wanted + size - 1) / size, device_.info().maxWorkgroupCount);
-  const PhotonPush push{tree_.info,     tree_.gridLevel, 0, count, groups * size,
-                  materialCount_, countsPerWatt};
+  const PhotonPush push{tree_.info, tree_.gridLevel, tree_.firstBrick, 0,
+                  count,      groups * size,   materialCount_,   countsPerWatt};
   batch_.dispatch(*kernel_, *bindings_, std::as_bytes(std::span(&push, 1)), groups);
   batch_.submit();
   batch_.wait();

@@ -4,8 +4,8 @@
 #include "src/core/error.h"
 #include "src/core/log.h"
 #include "src/grays/grays.h"
-#include "src/grays/grid.h"
 #include "src/grays/resolve.h"
+#include "src/grays/tables.h"
 #include "src/grays/vulkan_passes.h"
 
 namespace trex {
@@ -27,8 +27,9 @@ void requireRoom(const vulkan::Device& device, const asvo::Tree& tree) {
          "lower the voxel depth, choose another `--device N`, or use `--device none`",
          leaves, largest, device.info().name, range);
   }
-  const std::uint64_t grid = std::uint64_t{8} << (3 * gridLevel(tree.info));
-  const std::uint64_t need = nodes * (8 + 32 + 16) + leaves * 16 + 2 * sums + grid;
+  const std::uint64_t grid = leaves > 0 ? std::uint64_t{8} << (3 * photonGridLevel(tree.info)) : 0;
+  const std::uint64_t bricks = leaves > 0 ? brickCount(tree) : 0;
+  const std::uint64_t need = nodes * (32 + 16) + (bricks + leaves) * 16 + 2 * sums + grid;
   if (need > device.maxBytes()) {
     fail(ExitCode::kMemoryOrDevice,
          "a voxel tree of {} leaves needs {} bytes but {} are allowed on {}: raise "
@@ -48,11 +49,12 @@ class VulkanTracer final : public GRayTracer {
       : tree_(tree),
         materials_(materials.begin(), materials.end()),
         light_(tree.nodes.size()),
+        coneTable_(tree),
         device_(options) {
     requireRoom(device_, tree);
     if (tree.info.leafCount > 0) {
       buffers_.emplace(device_, tree, storageBuffers);
-      gather_.emplace(device_, *buffers_);
+      gather_.emplace(device_, *buffers_, tree);
     }
     const vulkan::StartTimes times = device_.startTimes();
     logVerbose("{}: instance {:.3f} s, device {:.3f} s, {} MiB for the voxel tree", name(),
@@ -67,7 +69,10 @@ class VulkanTracer final : public GRayTracer {
   bool sharesHostCores() const override { return device_.info().sharesHostCores; }
 
   int submitGather(std::span<const shaderio::GatherQuery> queries) override {
-    if (gather_) return gather_->submit(queries);
+    if (gather_) {
+      refreshCones();
+      return gather_->submit(queries);
+    }
     clear_[nextClear_ & 1u].assign(queries.size(), {glm::vec3(0.0f), 1.0f});
     return static_cast<int>(nextClear_++);
   }
@@ -90,6 +95,7 @@ class VulkanTracer final : public GRayTracer {
     gather_->waitAll();
     buffers_->voxels.upload(std::as_bytes(std::span(tree_.voxels)));
     if (photons_) photons_->setMaterials(materials_);
+    coneTable_.lightChanged();
   }
 
   void tracePhotons(std::span<const shaderio::PhotonRecord> records, double unit) override {
@@ -117,8 +123,7 @@ class VulkanTracer final : public GRayTracer {
                         unit_ / static_cast<double>(emittedPhotons), emittedPhotons, keepGoing)) {
       return false;
     }
-    gather_->waitAll();
-    buffers_->light.upload(std::as_bytes(std::span(light_.front())));
+    coneTable_.lightChanged();
     return true;
   }
 
@@ -133,9 +138,17 @@ class VulkanTracer final : public GRayTracer {
   }
 
  private:
+  void refreshCones() {
+    if (!coneTable_.stale()) return;
+    gather_->waitAll();
+    coneTable_.refresh(light_.front(), materials_);
+    buffers_->cones.upload(std::as_bytes(coneTable_.words()));
+  }
+
   const asvo::Tree& tree_;
   std::vector<shaderio::PhotonMaterial> materials_;
   LightBuffers light_;
+  ConeTable coneTable_;
   vulkan::Device device_;
   std::optional<TreeBuffers> buffers_;  // none for an empty tree: every cone is clear
   std::optional<GatherPass> gather_;

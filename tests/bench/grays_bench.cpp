@@ -4,7 +4,7 @@
 //
 // The scene is a furnished room (tests/gpu/room.h). Cones start some voxels off a random point
 // inside, in random directions, with tanHalf in [0.15, 0.3): incoherent, as diffuse gathering asks
-// for.
+// for. As in a frame they begin where they are as wide as a leaf: nearer is a C-ray's.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -79,7 +79,7 @@ std::vector<shaderio::GatherQuery> makeQueries(const asvo::Tree& tree, std::size
     q.origin = origin + direction * hit.t + hit.normal * edge;
     q.direction = glm::normalize(hit.normal + 0.999f * random.direction());
     q.tanHalf = 0.15f + 0.15f * random.next();
-    q.tmin = 2.0f * edge;
+    q.tmin = edge / q.tanHalf;
     q.tmax = 1e30f;
     q.jitter = random.next();
   }

@@ -63,7 +63,7 @@ inline std::vector<shaderio::GatherQuery> roomQueries(const asvo::Tree& tree, st
     q.tmax = 1e30f;
     q.jitter = random.next();
     q.flags = random.next() < 0.1f ? shaderio::kQueryShadow : 0u;
-    q.pad = 0;
+    q.index = 0;
   }
   return queries;
 }
