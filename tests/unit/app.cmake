@@ -1,3 +1,1 @@
-add_test(NAME app_test COMMAND ${Python3_EXECUTABLE} ${CMAKE_CURRENT_LIST_DIR}/app_test.py
-  --trex $<TARGET_FILE:trex> --assets ${CMAKE_SOURCE_DIR}/assets)
-set_tests_properties(app_test PROPERTIES TIMEOUT 900)
+trex_program_test(app_test app_test.py --assets ${CMAKE_SOURCE_DIR}/assets)
