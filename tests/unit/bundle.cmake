@@ -3,11 +3,6 @@ add_executable(bundle_test ${CMAKE_CURRENT_LIST_DIR}/bundle_test.cpp
 target_link_libraries(bundle_test PRIVATE trex_bundle GTest::gtest_main)
 trex_gtest(bundle_test)
 
-add_test(NAME bake_test COMMAND ${Python3_EXECUTABLE} ${CMAKE_CURRENT_LIST_DIR}/bake_test.py
-  --trex $<TARGET_FILE:trex> --assets ${CMAKE_SOURCE_DIR}/assets)
-set_tests_properties(bake_test PROPERTIES LABELS program TIMEOUT 900)
+trex_program_test(bake_test bake_test.py --assets ${CMAKE_SOURCE_DIR}/assets)
 
-add_test(NAME stream_bake_test COMMAND ${Python3_EXECUTABLE}
-  ${CMAKE_CURRENT_LIST_DIR}/stream_bake_test.py --trex $<TARGET_FILE:trex>
-  --assets ${CMAKE_SOURCE_DIR}/assets)
-set_tests_properties(stream_bake_test PROPERTIES LABELS program TIMEOUT 600)
+trex_program_test(stream_bake_test stream_bake_test.py --assets ${CMAKE_SOURCE_DIR}/assets)

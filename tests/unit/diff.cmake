@@ -2,9 +2,6 @@ add_executable(diff_test ${CMAKE_CURRENT_LIST_DIR}/diff_test.cpp ${CMAKE_CURRENT
 target_link_libraries(diff_test PRIVATE trex_frame GTest::gtest_main)
 trex_gtest(diff_test)
 foreach(test diff_command_test merge_command_test flip_test)
-  add_test(NAME ${test} COMMAND ${Python3_EXECUTABLE} ${CMAKE_CURRENT_LIST_DIR}/${test}.py --trex $<TARGET_FILE:trex>)
-  set_tests_properties(${test} PROPERTIES LABELS program TIMEOUT 900 SKIP_RETURN_CODE 77)
+  trex_program_test(${test} ${test}.py)
 endforeach()
-add_test(NAME bench_test COMMAND ${Python3_EXECUTABLE} ${CMAKE_CURRENT_LIST_DIR}/bench_test.py
-  --trex $<TARGET_FILE:trex> --assets ${CMAKE_SOURCE_DIR}/assets)
-set_tests_properties(bench_test PROPERTIES LABELS program TIMEOUT 900)
+trex_program_test(bench_test bench_test.py --assets ${CMAKE_SOURCE_DIR}/assets)
