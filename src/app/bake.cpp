@@ -18,6 +18,7 @@
 #include "src/app/progress.h"
 #include "src/bundle/bundle.h"
 #include "src/bundle/stream_bake.h"
+#include "src/core/clock.h"
 #include "src/core/error.h"
 #include "src/core/file.h"
 #include "src/core/log.h"
@@ -41,7 +42,7 @@ class Phases {
  public:
   /// Ends the phase under way and names the next.
   void next(const char* name) {
-    const double at = now();
+    const double at = secondsNow();
     if (!current_.empty()) seconds_[current_ + "_seconds"] = at - since_;
     current_ = name;
     since_ = at;
@@ -49,18 +50,14 @@ class Phases {
   void set(const std::string& name, double seconds) { seconds_[name + "_seconds"] = seconds; }
   nlohmann::ordered_json json() const {
     nlohmann::ordered_json out = seconds_;
-    out["total_seconds"] = now() - start_;
+    out["total_seconds"] = secondsNow() - start_;
     return out;
   }
 
  private:
-  static double now() {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch())
-        .count();
-  }
-  nlohmann::ordered_json seconds_ = nlohmann::ordered_json::object();
+    nlohmann::ordered_json seconds_ = nlohmann::ordered_json::object();
   std::string current_;
-  double start_ = now(), since_ = start_;
+  double start_ = secondsNow(), since_ = start_;
 };
 
 /// Only a bundle may be replaced; says which.

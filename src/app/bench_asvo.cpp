@@ -19,6 +19,7 @@
 
 #include "src/app/app.h"
 #include "src/app/bench_rooms.h"
+#include "src/app/median.h"
 #include "src/app/render_arguments.h"
 #include "src/core/error.h"
 #include "src/core/file.h"
@@ -49,11 +50,6 @@ double secondsOf(const std::function<void()>& work) {
   const auto start = std::chrono::steady_clock::now();
   work();
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
 }
 
 vec3 uniformSphere(vec2 u) {
@@ -199,7 +195,7 @@ void gatherAll(GRayTracer& tracer, std::span<const GatherQuery> queries) {
 Json coneRates(const AsvoArguments& a, const asvo::Tree& tree, const Scene& scene,
                const Triangles& triangles, std::vector<GatherQuery>& queries,
                std::vector<double>& embree) {
-  const std::vector<shaderio::PhotonMaterial> materials = photonMaterials(scene);
+  const std::vector<shaderio::PhotonMaterial> materials = photonMaterials(scene.materials, scene.images);
   const std::unique_ptr<GRayTracer> tracer =
       a.render.settings.device == RenderSettings::kNoDevice
           ? makeCpuTracer(tree, materials)
@@ -242,7 +238,7 @@ Json rooms(int device) {
 Json measure(const AsvoArguments& a) {
   Scene scene = importScene(a.render.input);
   const Box3d bounds = scene.bounds();
-  const VoxelSource source(scene, 0.5 * (bounds.lower + bounds.upper));
+  const VoxelSource source(scene, scene.materials, 0.5 * (bounds.lower + bounds.upper));
   std::vector<double> builds;
   asvo::Tree tree;
   for (int i = 0; i < a.repeats; ++i) {

@@ -15,6 +15,7 @@
 
 #include "hccmesh/pack.h"
 #include "src/app/embree_triangles.h"
+#include "src/app/median.h"
 #include "src/core/sampler.h"
 #include "src/crays/ray_scene.h"
 #include "src/scene/import.h"
@@ -43,11 +44,6 @@ Trace traceWith(const Hits& hits) {
   return [hits](std::span<const BenchRay> rays, std::uint8_t* out) {
     for (const BenchRay& ray : rays) *out++ = hits(ray);
   };
-}
-
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  return values[values.size() / 2];
 }
 
 /// A contender with what it measured.

@@ -13,6 +13,7 @@
 
 #include "src/app/bench_score.h"
 #include "src/app/interrupt.h"
+#include "src/core/clock.h"
 #include "src/core/error.h"
 #include "src/core/log.h"
 #include "src/core/version.h"
@@ -28,10 +29,6 @@ using nlohmann::json;
 constexpr double kFirstPoint = 0.25;
 /// Added to the seed of a reference that is rendered here: it must not share the runs' noise.
 constexpr std::uint32_t kReferenceSeed = 0x5eed0000u;
-
-double now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 std::string processorName() {
   std::ifstream file("/proc/cpuinfo");
@@ -54,9 +51,9 @@ json machine() {
 
 /// Runs until `seconds` of rendering in all; the first pass is finished in any case.
 void runUntil(Session& session, double seconds) {
-  const double start = now() - session.report().renderSeconds;
+  const double start = secondsNow() - session.report().renderSeconds;
   session.run([&](double) {
-    return interruptedBy() == 0 && (session.samplesDone() == 0 || now() - start < seconds);
+    return interruptedBy() == 0 && (session.samplesDone() == 0 || secondsNow() - start < seconds);
   });
 }
 
@@ -144,12 +141,12 @@ Scorer renderReference(const std::shared_ptr<const Model>& model, const Tradeoff
 
 std::shared_ptr<const Model> prepare(const TradeoffScene& scene, const TradeoffArguments& a,
                                      json& setup) {
-  const double start = now();
+  const double start = secondsNow();
   ImportOptions options;
   options.environmentGiven = !scene.environment.empty();
   Scene imported = importScene(scene.input, options);
   if (options.environmentGiven) imported.environment = parseEnvironment(scene.environment);
-  const double importSeconds = now() - start;
+  const double importSeconds = secondsNow() - start;
   ModelOptions build;
   build.voxels = *std::min_element(a.shares.begin(), a.shares.end()) < 1.0;
   build.voxelDepth = voxelDepthFor(std::uint64_t{a.settings.width} * a.settings.height);

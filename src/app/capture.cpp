@@ -9,6 +9,7 @@
 
 #include "src/app/interrupt.h"
 #include "src/app/render_report.h"
+#include "src/core/clock.h"
 #include "src/core/error.h"
 #include "src/core/hash.h"
 #include "src/core/log.h"
@@ -17,14 +18,6 @@
 
 namespace trex {
 namespace fs = std::filesystem;
-namespace {
-
-double now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
-}  // namespace
-
 std::uint64_t jobKey(const RenderArguments& a, const Model& model, const std::vector<View>& views) {
   const RenderSettings& s = a.settings;
   std::string text =
@@ -51,7 +44,7 @@ Capture::Capture(const RenderArguments& arguments, std::shared_ptr<const Model> 
 
 int Capture::run() {
   if (!a_.checkpoint.empty()) openCheckpoint();
-  nextCheckpoint_ = now() + a_.checkpointSeconds;
+  nextCheckpoint_ = secondsNow() + a_.checkpointSeconds;
   const std::uint32_t first = resumed_ ? resumed_->header().frame : 0;
   for (std::uint32_t i = first; i < views_.size() && interruptedBy() == 0; ++i) runView(i);
   if (a_.json) {
@@ -105,7 +98,7 @@ void Capture::advance(Session& session, std::uint32_t frame) {
   while (!session.goalReached() && interruptedBy() == 0) {
     session.run([&](double share) {
       progress.show(share, session.samplesDone());
-      const bool due = !a_.checkpoint.empty() && now() >= nextCheckpoint_;
+      const bool due = !a_.checkpoint.empty() && secondsNow() >= nextCheckpoint_;
       return interruptedBy() == 0 && !hangupSeen() && !due;
     });
     if (hangupSeen()) {
@@ -114,13 +107,13 @@ void Capture::advance(Session& session, std::uint32_t frame) {
       logInfo("{}: saved after {} samples a pixel, going on", views_[frame].output,
               session.samplesDone());
     }
-    if (!a_.checkpoint.empty() && now() >= nextCheckpoint_) saveCheckpoint(session, frame);
+    if (!a_.checkpoint.empty() && secondsNow() >= nextCheckpoint_) saveCheckpoint(session, frame);
   }
 }
 
 void Capture::saveCheckpoint(Session& session, std::uint32_t frame) {
   session.saveCheckpoint(a_.checkpoint, key_, frame);
-  nextCheckpoint_ = now() + a_.checkpointSeconds;
+  nextCheckpoint_ = secondsNow() + a_.checkpointSeconds;
 }
 
 float exposureOf(const RenderArguments& a, const Picture& picture) {

@@ -7,19 +7,12 @@
 #include <cstdio>
 #include <string>
 
+#include "src/core/clock.h"
 #include "src/core/log.h"
 #include "src/core/memory.h"
 
 namespace trex {
-namespace {
-
-double now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
-}  // namespace
-
-Progress::Progress() : terminal_(isatty(2) == 1), start_(now()) {
+Progress::Progress() : terminal_(isatty(2) == 1), start_(secondsNow()) {
   next_ = start_ + (terminal_ ? 0.25 : 10.0);
 }
 
@@ -35,7 +28,7 @@ void Progress::show(double share, std::uint32_t samples) {
 }
 
 void Progress::show(double share, const std::string& what) {
-  const double at = now();
+  const double at = secondsNow();
   if (at < next_ || logLevel() < LogLevel::kInfo) return;
   next_ = at + (terminal_ ? 0.25 : 10.0);
   const double elapsed = at - start_;

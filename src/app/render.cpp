@@ -12,6 +12,7 @@
 #include "src/app/capture.h"
 #include "src/app/interrupt.h"
 #include "src/bundle/bundle.h"
+#include "src/core/clock.h"
 #include "src/core/error.h"
 #include "src/core/file.h"
 #include "src/core/log.h"
@@ -24,10 +25,6 @@
 
 namespace trex {
 namespace {
-
-double seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 void checkOutputs(const std::vector<View>& views, const std::string& checkpoint) {
   namespace fs = std::filesystem;
@@ -81,7 +78,7 @@ int render(RenderArguments& a) {
   checkWritable(a.output);
   std::optional<tbb::global_control> limit;
   setThreads(a.threads, limit);
-  const double start = seconds();
+  const double start = secondsNow();
   if (!isBundlePath(a.input)) checkSourceFits(a.input, a.settings);
   OpenOptions open;
   open.useStale = a.stale == "use";
@@ -96,7 +93,7 @@ int render(RenderArguments& a) {
     if (!a.edits.empty()) look = readEdits(a, scene, model);
     views = makeViews(a, scene, look);
     checkOutputs(views, a.checkpoint);
-    importSeconds = seconds() - start;
+    importSeconds = secondsNow() - start;
     logVerbose("{}: {} triangles, {} unique, {} instances", a.input, scene.triangleCount(),
                scene.uniqueTriangleCount(), scene.instances.size());
     const std::uint64_t baked = isBundlePath(a.input)

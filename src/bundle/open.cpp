@@ -12,6 +12,7 @@
 #include "src/bundle/arrays.h"
 #include "src/bundle/bundle.h"
 #include "src/bundle/page_file.h"
+#include "src/core/clock.h"
 #include "src/core/error.h"
 #include "src/core/log.h"
 #include "src/core/memory.h"
@@ -22,10 +23,6 @@ namespace {
 namespace fs = std::filesystem;
 using bundle::Container;
 using Bytes = std::span<const std::byte>;
-
-double now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 hccm::Mesh readMesh(const Container& container, const std::string& section,
                     const std::shared_ptr<const void>& owner, std::size_t materials) {
@@ -240,9 +237,9 @@ Model openBundle(const fs::path& path, const OpenOptions& options) {
   attachPages(contents, wanted.cacheBytes);
   Model model;
   model.scene = std::move(scene);
-  const double start = now();
+  const double start = secondsNow();
   model.rays = std::make_unique<RayScene>(model.scene, std::move(contents.parts));
-  model.meshSeconds = now() - start;
+  model.meshSeconds = secondsNow() - start;
   if (contents.voxels) {
     model.voxels = std::make_shared<asvo::Tree>(std::move(*contents.voxels));
   }

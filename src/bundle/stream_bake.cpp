@@ -12,6 +12,7 @@
 #include "src/bundle/container_stream.h"
 #include "src/bundle/describe.h"
 #include "src/bundle/page_file.h"
+#include "src/core/clock.h"
 #include "src/core/error.h"
 #include "src/core/file.h"
 #include "src/core/log.h"
@@ -33,10 +34,6 @@ constexpr std::uint64_t kLeastBuildBytes = 192u << 20;  // buffers of cells, buc
 constexpr std::uint64_t kMostBuildBytes = 1200u << 20;  // more would not be faster
 constexpr std::uint64_t kOtherBytes = 64u << 20;        // the program itself
 constexpr std::uint64_t kFewestVoxelBytes = 8u << 20;
-
-double now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 fs::path besides(const fs::path& target, const char* what) {
   return target.parent_path() / fmt::format(".{}.bake{}.tmp", target.stem().string(), what);
@@ -129,7 +126,7 @@ class StreamBake {
   }
 
   void spill(bundle::BakeJournal& journal) {
-    const double start = now();
+    const double start = secondsNow();
     std::error_code error;
     std::optional<hccm::Spill> known = journal.takeSpill();
     const std::uint64_t there = fs::file_size(spillFile(target_), error);
@@ -143,7 +140,7 @@ class StreamBake {
       journal.add(spill_);
     }
     keepScene();
-    result_.spillSeconds = now() - start;
+    result_.spillSeconds = secondsNow() - start;
   }
 
   /// All of the source that is needed from here on; the rest is freed.
@@ -200,7 +197,7 @@ class StreamBake {
   }
 
   void pages(bundle::BakeJournal& journal, const std::vector<hccm::Bucket>& buckets) {
-    const double start = now();
+    const double start = secondsNow();
     table_.stepExponent = build_.grid.stepExponent;
     const std::size_t done = reuse(journal);
     result_.bucketsReused = done;
@@ -229,12 +226,12 @@ class StreamBake {
     table_.droppedTriangles = spill_.nonFinite + spill_.flat;
     std::error_code ignored;
     fs::resize_file(spillFile(target_), spill_.fileBytes, ignored);  // what was spilled again
-    result_.meshSeconds = now() - start;
+    result_.meshSeconds = secondsNow() - start;
   }
 
   void voxels() {
     if (options_.voxelDepth <= 0 || !hasLight(scene_)) return;
-    const double start = now();
+    const double start = secondsNow();
     const std::uint64_t here = residentBytes();
     const std::uint64_t left = options_.maxMemory > here ? options_.maxMemory - here : 0;
     // A third for pages, a third for the triangles at hand, a third for the tree.
@@ -251,7 +248,7 @@ class StreamBake {
     tree_ = buildPagedVoxels(scene_, mesh, build, std::max<std::uint64_t>(left / 8, 16u << 20),
                              [this](double done) { return options_.keepGoing("voxels", done); });
     result_.voxelDepth = static_cast<int>(tree_->info.depth);
-    result_.voxelSeconds = now() - start;
+    result_.voxelSeconds = secondsNow() - start;
   }
 
   void finish() {

@@ -4,6 +4,7 @@
 
 #include <memory>
 
+#include "src/core/clock.h"
 #include "src/session/light_pass.h"
 #include "src/session/session.h"
 
@@ -15,9 +16,5 @@ struct Session::LightSide {
   std::unique_ptr<LightCache> cache;
   std::unique_ptr<LightPass> pass;
 };
-
-inline double secondsNow() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 }  // namespace trex

@@ -2,15 +2,12 @@
 
 #include <chrono>
 
+#include "src/core/clock.h"
 #include "src/scene/import.h"
 #include "src/session/voxel_source.h"
 
 namespace trex {
 namespace {
-
-double now() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 template <typename T>
 void release(std::vector<T>& array) {
@@ -35,11 +32,11 @@ void freeSourceArrays(Scene& scene) {
 Model makeMeshes(Scene scene, const ModelOptions& options) {
   Model model;
   model.scene = std::move(scene);
-  const double mark = now();
+  const double mark = secondsNow();
   RayScene::Options meshOptions;
   meshOptions.precisionBits = options.precisionBits;
   model.rays = std::make_unique<RayScene>(model.scene, meshOptions);
-  model.meshSeconds = now() - mark;
+  model.meshSeconds = secondsNow() - mark;
   return model;
 }
 
@@ -54,12 +51,12 @@ std::shared_ptr<asvo::Tree> makeVoxels(const Scene& scene, const std::vector<Mat
 
 Model makeModel(Scene scene, const ModelOptions& options) {
   Model model = makeMeshes(std::move(scene), options);
-  const double mark = now();
+  const double mark = secondsNow();
   if (options.voxels && (options.voxelsInTheDark || hasLight(model.scene))) {
     model.voxels =
         makeVoxels(model.scene, model.scene.materials, model.rays->renderOrigin(), options);
   }
-  model.voxelSeconds = now() - mark;
+  model.voxelSeconds = secondsNow() - mark;
   freeSourceArrays(model.scene);
   return model;
 }

@@ -7,6 +7,7 @@
 #include <memory>
 #include <optional>
 
+#include "src/core/clock.h"
 #include "src/core/error.h"
 #include "src/scene/look_file.h"
 #include "src/session/model_editor.h"
@@ -17,10 +18,6 @@
 #include "src/viewer/viewer.h"
 
 namespace trex {
-
-inline double secondsNow() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 /// Rays and samples a second, over about the last second of work.
 struct Rates {
