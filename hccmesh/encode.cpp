@@ -110,7 +110,8 @@ class BitWriter {
   std::uint32_t at_ = 0;
 };
 
-// A leaf's record, at most layout::kMaxRecord bytes; `used` vertices have been used by leaves before.
+// A leaf's record, at most layout::kMaxRecord bytes; `used` vertices have been used by leaves
+// before.
 constexpr std::uint32_t kRecordRoom = 32;  // writing touches whole words
 std::uint32_t writeRecord(const Strip& strip, std::uint32_t& used, std::byte* out) {
   std::array<std::uint16_t, layout::kMaxEntries> local;

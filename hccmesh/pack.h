@@ -24,7 +24,8 @@ struct ClusterPage {
   const std::byte* blob(std::size_t i) const { return bytes.data() + offsets[i]; }
 };
 
-/// Packs whole valid blobs, as the encoder made them; equal input gives equal bytes. Throws
+/// Packs whole valid blobs, as the encoder made them; equal input gives equal bytes. Behind each,
+/// 32 bytes must be readable, as in a mesh's buffer: wide loads touch them. Throws
 /// std::invalid_argument if they are over kMaxPageBytes in all or no blobs. Thread safe.
 std::vector<std::byte> packClusters(std::span<const std::span<const std::byte>> blobs);
 

@@ -16,7 +16,8 @@ layout(push_constant) uniform Push {
   uint firstBrick;
   uint first;  // of this dispatch
   uint end;    // one past its last query
-} push;
+}
+push;
 
 #include "shaders/tree.h"
 

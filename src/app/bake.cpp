@@ -55,7 +55,7 @@ class Phases {
   }
 
  private:
-    nlohmann::ordered_json seconds_ = nlohmann::ordered_json::object();
+  nlohmann::ordered_json seconds_ = nlohmann::ordered_json::object();
   std::string current_;
   double start_ = secondsNow(), since_ = start_;
 };

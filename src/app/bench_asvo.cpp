@@ -195,7 +195,8 @@ void gatherAll(GRayTracer& tracer, std::span<const GatherQuery> queries) {
 Json coneRates(const AsvoArguments& a, const asvo::Tree& tree, const Scene& scene,
                const Triangles& triangles, std::vector<GatherQuery>& queries,
                std::vector<double>& embree) {
-  const std::vector<shaderio::PhotonMaterial> materials = photonMaterials(scene.materials, scene.images);
+  const std::vector<shaderio::PhotonMaterial> materials =
+      photonMaterials(scene.materials, scene.images);
   const std::unique_ptr<GRayTracer> tracer =
       a.render.settings.device == RenderSettings::kNoDevice
           ? makeCpuTracer(tree, materials)

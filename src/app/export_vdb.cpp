@@ -43,7 +43,8 @@ class Lit {
  public:
   Lit(const Model& model, std::uint64_t photons)
       : lights_(model.scene, model.rays->renderOrigin(), model.rays->bounds()),
-        tracer_(makeCpuTracer(*model.voxels, photonMaterials(model.scene.materials, model.scene.images))),
+        tracer_(makeCpuTracer(*model.voxels,
+                              photonMaterials(model.scene.materials, model.scene.images))),
         cache_(*model.voxels),
         pass_(model.scene, *model.rays, lights_, *tracer_, cache_, 0u) {
     pass_.run(photons, [] { return true; });

@@ -310,8 +310,8 @@ StreamEstimate estimateStreamBake(const TriangleStream& stream, const StreamBake
   e.memory =
       std::max(held + std::max(most, kLeastBuildBytes), kOtherBytes + 2 * kFewestVoxelBytes) +
       n / 20 * kTableBytesATriangle;
-  e.spillBytes = n * kSpillBytesATriangle;
-  e.bundleBytes = n * kBundleBytesATriangle;
+  e.spillBytes = n * (kSpillBytesATriangle + stream.attributeBytes());
+  e.bundleBytes = n * (kBundleBytesATriangle + stream.attributeBytes() / 4);
   e.seconds = static_cast<double>(n) / kTrianglesASecond;
   std::error_code error;
   const fs::path folder = target.has_parent_path() ? target.parent_path() : fs::path(".");

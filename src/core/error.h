@@ -4,6 +4,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -38,6 +39,13 @@ class Error : public std::runtime_error {
 template <typename... Args>
 [[noreturn]] void fail(ExitCode code, fmt::format_string<Args...> format, Args&&... args) {
   throw Error(code, fmt::format(format, std::forward<Args>(args)...));
+}
+
+/// Text of a library for a message: without line breaks, and white space at its end.
+inline std::string oneLine(std::string text) {
+  text.erase(text.find_last_not_of(" \t\r\n") + 1);
+  std::replace(text.begin(), text.end(), '\n', ' ');
+  return text;
 }
 
 }  // namespace trex

@@ -15,10 +15,10 @@
 namespace trex {
 namespace {
 
-constexpr int kImportonBounces = 32;     // of an importon, mirrors included
-constexpr int kMarks = 3;            // diffuse bounces of an importon
-constexpr std::uint32_t kLooks = 2;  // rays towards the outside from each marked place
-constexpr int kLookLayers = 8;       // of glass or leaves that such a ray may pass
+constexpr int kImportonBounces = 32;  // of an importon, mirrors included
+constexpr int kMarks = 3;             // diffuse bounces of an importon
+constexpr std::uint32_t kLooks = 2;   // rays towards the outside from each marked place
+constexpr int kLookLayers = 8;        // of glass or leaves that such a ray may pass
 
 constexpr std::size_t kMostPoints = 1u << 17;  // enough known: later photons teach nothing new
 constexpr std::size_t kFewestPoints = 32;      // before that the guide stays uniform

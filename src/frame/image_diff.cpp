@@ -64,8 +64,10 @@ void findHardDifferences(const Picture& a, const Picture& b, ImageDiff& out) {
   }
   out.onlyInA = missing(a, b);
   out.onlyInB = missing(b, a);
-  if (!out.onlyInA.empty()) out.reasons.push_back(fmt::format("channels only in A: {}", fmt::join(out.onlyInA, ", ")));
-  if (!out.onlyInB.empty()) out.reasons.push_back(fmt::format("channels only in B: {}", fmt::join(out.onlyInB, ", ")));
+  if (!out.onlyInA.empty())
+    out.reasons.push_back(fmt::format("channels only in A: {}", fmt::join(out.onlyInA, ", ")));
+  if (!out.onlyInB.empty())
+    out.reasons.push_back(fmt::format("channels only in B: {}", fmt::join(out.onlyInB, ", ")));
   out.nonFiniteA = findNonFinite(a);
   out.nonFiniteB = findNonFinite(b);
   for (const auto& [name, found] : {std::pair{"A", &out.nonFiniteA}, {"B", &out.nonFiniteB}}) {

@@ -24,11 +24,6 @@ constexpr int kBandRows = 64;
 /// Decoding from several threads at once crashed now and then with OpenImageIO 2.4.7.
 std::mutex decodeMutex;
 
-std::string oneLine(std::string text) {
-  std::replace(text.begin(), text.end(), '\n', ' ');
-  return text;
-}
-
 /// OpenImageIO's name of the format; a reader chosen by the content would be a wider door.
 const char* formatOf(const fs::path& path) {
   std::string extension = path.extension().string();

@@ -133,7 +133,7 @@ void GatherPass::dispatch(Slot& slot, std::size_t variant, std::uint32_t begin, 
   for (std::uint64_t first = begin; first < end; first += slice) {
     const auto last = static_cast<std::uint32_t>(std::min<std::uint64_t>(end, first + slice));
     const GatherPush push{tree_.info, coneGridLevel(tree_.info), tree_.firstBrick,
-                    static_cast<std::uint32_t>(first), last};
+                          static_cast<std::uint32_t>(first), last};
     const auto groups = static_cast<std::uint32_t>((last - first + size - 1) / size);
     slot.batch->dispatch(*kernels_[variant], *slot.bindings, std::as_bytes(std::span(&push, 1)),
                          groups);

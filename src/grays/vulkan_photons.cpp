@@ -96,7 +96,7 @@ void PhotonPass::traceSlice(std::span<const shaderio::PhotonRecord> records, flo
   const std::uint32_t groups =
       std::min((wanted + size - 1) / size, device_.info().maxWorkgroupCount);
   const PhotonPush push{tree_.info, tree_.gridLevel, tree_.firstBrick, 0,
-                  count,      groups * size,   materialCount_,   countsPerWatt};
+                        count,      groups * size,   materialCount_,   countsPerWatt};
   batch_.dispatch(*kernel_, *bindings_, std::as_bytes(std::span(&push, 1)), groups);
   batch_.submit();
   batch_.wait();

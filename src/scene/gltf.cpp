@@ -17,12 +17,6 @@ const std::set<std::string> kSupported = {
     "KHR_materials_unlit", "KHR_texture_transform",           "KHR_mesh_quantization",
     "EXT_texture_webp"};
 
-std::string oneLine(std::string text) {
-  while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back()))) text.pop_back();
-  std::replace(text.begin(), text.end(), '\n', ' ');
-  return text;
-}
-
 std::uint32_t word(const std::vector<std::uint8_t>& bytes, std::size_t at) {
   return bytes[at] | bytes[at + 1] << 8 | bytes[at + 2] << 16 |
          static_cast<std::uint32_t>(bytes[at + 3]) << 24;

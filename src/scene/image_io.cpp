@@ -35,11 +35,6 @@ const char* extensionOf(std::span<const std::uint8_t> file) {
   return ".tga";
 }
 
-std::string oneLine(std::string text) {
-  std::replace(text.begin(), text.end(), '\n', ' ');
-  return text;
-}
-
 void checkSize(const OIIO::ImageSpec& spec, const std::string& name, std::int64_t maxSide) {
   if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1 || spec.depth > 1 || spec.deep) {
     fail(ExitCode::kInput, "{}: not a plain two-dimensional image ({}x{}, {} channels)", name,

@@ -1,10 +1,12 @@
-// Binary PLY files of bare positions as streams: the file is mapped, never held. Others are left to
-// the importer.
+// Binary PLY files of positions, normals and colours as streams: the file is mapped, never held.
+// Others are left to the importer.
 #include <fcntl.h>
 #include <sys/mman.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <atomic>
 #include <bit>
 #include <cstring>
@@ -47,8 +49,37 @@ class Map {
 struct Layout {
   std::uint64_t vertices = 0, faces = 0;
   std::size_t vertexStart = 0, faceStart = 0, stride = 0;
-  std::size_t place[3] = {};  ///< of x, y, z in a vertex
+  // Bytes from the start of a vertex.
+  std::size_t place[3] = {}, normal[3] = {}, color[4] = {};
+  bool normals = false, colors = false, alpha = false;
 };
+
+/// Which of some names this is, or -1.
+int indexOf(const std::string& name, std::initializer_list<const char*> names) {
+  const auto at = std::find(names.begin(), names.end(), name);
+  return at == names.end() ? -1 : static_cast<int>(at - names.begin());
+}
+
+/// Takes a property of a vertex. False if the importer would show more of it than a stream can.
+bool takeProperty(const std::string& type, const std::string& name, std::size_t bytes, int* found,
+                  Layout& out) {
+  const bool single = type == "float" || type == "float32";
+  const bool byte = type == "uchar" || type == "uint8";
+  if (indexOf(name, {"s", "u", "texture_u", "diffuse_red", "r"}) >= 0) return false;
+  if (const int k = indexOf(name, {"x", "y", "z"}); k >= 0) {
+    if (!single) return false;
+    out.place[k] = out.stride, ++found[0];
+  } else if (const int n = indexOf(name, {"nx", "ny", "nz"}); n >= 0) {
+    if (!single) return false;
+    out.normal[n] = out.stride, ++found[1];
+  } else if (const int c = indexOf(name, {"red", "green", "blue", "alpha"}); c >= 0) {
+    if (!byte) return false;
+    out.color[c] = out.stride;
+    ++(c < 3 ? found[2] : found[3]);
+  }
+  out.stride += bytes;
+  return bytes > 0;
+}
 
 std::size_t sizeOfType(const std::string& type) {
   if (type == "char" || type == "uchar" || type == "int8" || type == "uint8") return 1;
@@ -60,12 +91,12 @@ std::size_t sizeOfType(const std::string& type) {
              : 0;
 }
 
-/// False for anything but little endian bytes, x y z of floats, no other attribute that a picture
-/// shows, and faces of nothing but a list of u8 and 32-bit integers.
+/// False for anything but little endian bytes, x y z and normals of floats, colours of bytes, no
+/// texture coordinates, and faces of nothing but a list of u8 and 32-bit integers.
 bool readLayout(const std::filesystem::path& path, Layout& out) {
   std::ifstream in(path, std::ios::binary);
   std::string line, section;
-  int coordinates = 0, lists = 0;
+  int found[4] = {}, lists = 0;  // coordinates, of normals, channels, alpha
   bool binary = false;
   for (int lines = 0; std::getline(in, line) && lines < 100; ++lines) {
     if (!line.empty() && line.back() == '\r') line.pop_back();
@@ -86,14 +117,7 @@ bool readLayout(const std::filesystem::path& path, Layout& out) {
       section = type;
     }
     if (word == "property" && section == "vertex") {
-      const std::size_t bytes = sizeOfType(type);
-      const bool axis = name == "x" || name == "y" || name == "z";
-      if (bytes == 0 || (axis && type != "float" && type != "float32")) return false;
-      for (const char* shown : {"nx", "s", "u", "texture_u", "red", "r"}) {
-        if (name == shown) return false;
-      }
-      if (axis) out.place[name[0] - 'x'] = out.stride, ++coordinates;
-      out.stride += bytes;
+      if (!takeProperty(type, name, sizeOfType(type), found, out)) return false;
     }
     if (word == "property" && section == "face") {
       words >> count;
@@ -103,7 +127,8 @@ bool readLayout(const std::filesystem::path& path, Layout& out) {
     }
     if (word == "end_header") {
       const auto at = in.tellg();
-      if (!binary || coordinates != 3 || lists != 1 || at < 0) return false;
+      if (!binary || found[0] != 3 || lists != 1 || at < 0) return false;
+      out.normals = found[1] == 3, out.colors = found[2] == 3, out.alpha = found[3] == 1;
       out.vertexStart = static_cast<std::size_t>(at);
       return true;
     }
@@ -117,6 +142,9 @@ class PlyStream : public TriangleStream {
       : map_(path), layout_(layout), source_(examineSource(path)) {
     scene_.source = path.string();
     scene_.files = {source_};
+    for (std::size_t i = 0; i < linear_.size(); ++i) {
+      linear_[i] = toUnorm8(decodeSrgb8(static_cast<std::uint8_t>(i)));
+    }
     measure();
     scene_.materials.push_back(defaultMaterial());
     scene_.objects.push_back(path.stem().string());
@@ -132,6 +160,9 @@ class PlyStream : public TriangleStream {
   std::string key() const override {
     return fmt::format("{}|{}|{}", source_.path, source_.bytes, source_.modifiedNanoseconds);
   }
+  std::uint64_t attributeBytes() const override {
+    return 12u * layout_.normals + 12u * layout_.colors;
+  }
   std::uint64_t residentBytes() const override { return starts_.size() * sizeof(Start); }
 
   void batch(std::uint64_t number, TriangleBatch& out) const override {
@@ -146,6 +177,7 @@ class PlyStream : public TriangleStream {
         add(at, 0, face, out);
         add(at, c - 1, face, out);
         add(at, c, face, out);
+        if (layout_.normals) repairNormals(out);
       }
       at += 1 + 4ull * corners;
     }
@@ -161,11 +193,33 @@ class PlyStream : public TriangleStream {
     std::uint64_t face;
   };
 
-  vec3 position(std::uint64_t vertex) const {
+  const std::uint8_t* vertexAt(std::uint64_t vertex) const {
+    return map_.data() + layout_.vertexStart + vertex * layout_.stride;
+  }
+  static vec3 floats(const std::uint8_t* vertex, const std::size_t* place) {
     vec3 p;
-    const std::uint8_t* at = map_.data() + layout_.vertexStart + vertex * layout_.stride;
-    for (int k = 0; k < 3; ++k) std::memcpy(&p[k], at + layout_.place[k], sizeof(float));
+    for (int k = 0; k < 3; ++k) std::memcpy(&p[k], vertex + place[k], sizeof(float));
     return p;
+  }
+  vec3 position(std::uint64_t vertex) const { return floats(vertexAt(vertex), layout_.place); }
+  /// As the importer reads them: sRGB, alpha linear.
+  glm::u8vec4 color(const std::uint8_t* vertex) const {
+    glm::u8vec4 c(255);
+    for (int k = 0; k < 3; ++k) c[k] = linear_[vertex[layout_.color[k]]];
+    if (layout_.alpha) c.a = vertex[layout_.color[3]];
+    return c;
+  }
+  /// The last triangle's: where they mean nothing, the face's own.
+  static void repairNormals(TriangleBatch& out) {
+    const std::size_t first = out.positions.size() - 3;
+    for (std::size_t i = first; i < first + 3; ++i) {
+      const float length = glm::length(out.normals[i]);
+      if (length > 0.0f && std::isfinite(length)) continue;
+      const vec3 a = out.positions[first];
+      const vec3 face = glm::cross(out.positions[first + 1] - a, out.positions[first + 2] - a);
+      const float area = glm::length(face);
+      out.normals[i] = area > 0.0f && std::isfinite(area) ? face / area : vec3(0.0f, 0.0f, 1.0f);
+    }
   }
   void add(std::size_t at, std::uint32_t corner, std::uint64_t face, TriangleBatch& out) const {
     std::uint32_t index;
@@ -174,7 +228,10 @@ class PlyStream : public TriangleStream {
       fail(ExitCode::kInput, "{}: face {} refers to vertex {}, but there are {}", scene_.source,
            face, index, layout_.vertices);
     }
-    out.positions.push_back(vec3(dvec3(position(index)) - out.origin));
+    const std::uint8_t* vertex = vertexAt(index);
+    out.positions.push_back(vec3(dvec3(floats(vertex, layout_.place)) - out.origin));
+    if (layout_.normals) out.normals.push_back(floats(vertex, layout_.normal));
+    if (layout_.colors) out.colors.push_back(color(vertex));
   }
 
   /// One look over all vertices for the bounds, and over all faces for where they lie.
@@ -219,6 +276,7 @@ class PlyStream : public TriangleStream {
   Box3d bounds_;
   std::uint64_t triangles_ = 0;
   std::vector<Start> starts_;
+  std::array<std::uint8_t, 256> linear_{};  ///< of encoded bytes
   mutable std::atomic<std::uint64_t> reads_{0};
 };
 

@@ -32,6 +32,15 @@ class SceneStream : public TriangleStream {
     }
     return key;
   }
+  std::uint64_t attributeBytes() const override {
+    bool normals = false, texCoords = false, colors = false;
+    for (const Mesh& m : scene_.meshes) {
+      normals |= !m.normals.empty();
+      texCoords |= !m.texCoords.empty();
+      colors |= !m.colors.empty();
+    }
+    return 12u * normals + 24u * texCoords + 12u * colors;
+  }
   std::uint64_t residentBytes() const override {
     std::uint64_t bytes = 0;
     for (const Mesh& m : scene_.meshes) {

@@ -46,13 +46,16 @@ class TriangleStream {
   virtual void batch(std::uint64_t number, TriangleBatch& out) const = 0;
   /// The source's name and whatever decides its triangles; equal texts mean equal triangles.
   virtual std::string key() const = 0;
+  /// Bytes of normals (12), texture coordinates (24) and colours (12) that a triangle may bring.
+  virtual std::uint64_t attributeBytes() const { return 0; }
   /// Bytes that the stream itself holds in memory.
   virtual std::uint64_t residentBytes() const { return 0; }
 
   static constexpr std::size_t kBatchTriangles = std::size_t{1} << 16;
 };
 
-/// Opens a model as a stream: synth: names are generated, binary PLY files are mapped, other files
+/// Opens a model as a stream: synth: names are generated, binary PLY files
+/// without texture coordinates are mapped, other files
 /// are imported whole. Throws Error as importScene() does.
 std::unique_ptr<TriangleStream> openTriangleStream(const std::filesystem::path& path,
                                                    const ImportOptions& options = {});

@@ -10,8 +10,9 @@ def run(*arguments, **kw):
     return subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=300, **kw)
 
 
-def wavy_ply(path, side, last=None, quads=False):
-    """A wavy sheet of 2 * side * side triangles; `last`: the last face's first corner instead of its own."""
+def wavy_ply(path, side, last=None, quads=False, attributes=False):
+    """A wavy sheet of 2 * side * side triangles; `last`: the last face's first corner instead of its own;
+    `attributes`: normals, one of them zero, and colours."""
     n = side + 1
     faces = []
     for i in range(side):
@@ -19,13 +20,20 @@ def wavy_ply(path, side, last=None, quads=False):
             faces += [(a, a + 1, a + n + 1, a + n)] if quads else [(a, a + 1, a + n), (a + 1, a + n + 1, a + n)]
     if last is not None:
         faces[-1] = (last, *faces[-1][1:])
+    extra = ""
+    if attributes:
+        extra = "".join(f"property float n{k}\n" for k in "xyz") + "".join(f"property uchar {k}\n" for k in ("red", "green", "blue"))
     with open(path, "wb") as f:
         f.write((f"ply\nformat binary_little_endian 1.0\nelement vertex {n * n}\nproperty float x\nproperty float y\n"
-                 f"property float z\nproperty uchar quality\nelement face {len(faces)}\n"
+                 f"property float z\n{extra}property uchar quality\nelement face {len(faces)}\n"
                  "property list uchar int vertex_indices\nend_header\n").encode())
         for i in range(n):
             for j in range(n):
-                f.write(struct.pack("<3fB", i / side, 0.02 * math.sin(40 * i / side), j / side, 7))
+                f.write(struct.pack("<3f", i / side, 0.02 * math.sin(40 * i / side), j / side))
+                if attributes:
+                    slope = 0.8 * math.cos(40 * i / side)
+                    f.write(struct.pack("<3f3B", *((0, 0, 0) if i == j == 5 else (-slope, 1, 0)), 255 * i // side, 255 * j // side, 90))
+                f.write(struct.pack("<B", 7))
         for face in faces:
             f.write(struct.pack(f"<B{len(face)}i", len(face), *face))
 
@@ -84,8 +92,8 @@ class StreamBake(unittest.TestCase):
         self.assertLess(d["flip"], 0.15)
 
     def test_mapped_ply_files(self):
-        for quads in (False, True):
-            wavy_ply(self.path("m.ply"), 120, quads=quads)
+        for quads, attributes in ((False, False), (True, False), (False, True)):
+            wavy_ply(self.path("m.ply"), 120, quads=quads, attributes=attributes)
             a = self.bake("a.trex", "--stream", "--no-voxels", model=self.path("m.ply"))
             b = self.bake("b.trex", "--no-voxels", model=self.path("m.ply"))
             self.assertEqual((a["triangles"], b["triangles"]), (28800, 28800))
@@ -93,6 +101,9 @@ class StreamBake(unittest.TestCase):
             self.render("b.trex", "b.exr")
             d = json.loads(run("diff", self.path("a.exr"), self.path("b.exr"), "--json").stdout)
             self.assertLess(d["flip"], 0.05)
+            info = json.loads(run("info", self.path("a.trex"), "--json").stdout)
+            needed = {r["name"]: r["required"] for r in info["requirements"]}
+            self.assertEqual(needed["normals"], attributes)
         # It knows its source.
         wavy_ply(self.path("m.ply"), 121)
         self.assertIn("changed", self.render("a.trex", "c.exr", code=3))

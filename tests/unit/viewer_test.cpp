@@ -134,7 +134,7 @@ TEST_F(ViewerTest, ScreenEqualsCaptureForEveryClassOfEdit) {
   viewer.edit(look, true, "sky");
   expectCaptureEqual(viewer, o, "sky");
 
-  look.hidden = {static_cast<std::uint32_t>(viewer.scene().objects.size() - 1)};
+  look.hidden = {static_cast<std::uint32_t>(viewer.scene().instances.back().object)};
   viewer.edit(look, true, "hide");
   expectCaptureEqual(viewer, o, "hide");
 

@@ -24,7 +24,8 @@ ColorImage linear(const ScreenImage& screen, const std::vector<std::uint8_t>& rg
   ColorImage image{screen.width, screen.height, {}};
   image.pixels.reserve(rgba.size() / 4);
   for (std::size_t i = 0; i + 3 < rgba.size(); i += 4) {
-    image.pixels.emplace_back(decodeSrgb8(rgba[i]), decodeSrgb8(rgba[i + 1]), decodeSrgb8(rgba[i + 2]));
+    image.pixels.emplace_back(decodeSrgb8(rgba[i]), decodeSrgb8(rgba[i + 1]),
+                              decodeSrgb8(rgba[i + 2]));
   }
   return image;
 }
