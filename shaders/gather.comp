@@ -16,8 +16,7 @@ layout(push_constant) uniform Push {
   uint firstBrick;
   uint first;  // of this dispatch
   uint end;    // one past its last query
-}
-push;
+} push;
 
 #include "shaders/tree.h"
 

@@ -1,8 +1,8 @@
 // Photons: deposits records as direct flux and bounces them through the ASVO (photon.h).
 // In: the tree (tree.h), records, materials. Out: sums of direct and indirect flux, counters.
 //
-// An invocation takes photons first + id, first + id + stride, ...: when one ends it starts the
-// next, so that the lanes of a subgroup stay busy although paths differ in length.
+// An invocation takes photons first + id, first + id + stride, ...: when one ends it starts the next,
+// so that the lanes of a subgroup stay busy although paths differ in length.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "asvo/asvo_layout.h"
@@ -19,8 +19,7 @@ layout(push_constant) uniform Push {
   uint stride;  // invocations that take records
   uint materialCount;
   float countsPerWatt;
-}
-push;
+} push;
 
 #include "shaders/tree.h"
 
@@ -46,8 +45,8 @@ void addIndirect(uint i, uint low, uint high) {
 #define PHOTON_MATERIAL_COUNT push.materialCount
 #define PHOTON_ADD_DIRECT(i, lo, hi) addDirect(i, lo, hi)
 #define PHOTON_ADD_INDIRECT(i, lo, hi) addIndirect(i, lo, hi)
-#include "shaders/photon.h"
 #include "shaders/random.h"
+#include "shaders/photon.h"
 
 void main() {
   if (gl_GlobalInvocationID.x >= push.stride) return;

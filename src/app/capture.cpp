@@ -140,7 +140,7 @@ void Capture::save(Session& session, const View& view, bool report) {
         r.nonFinite, first.x, first.y, first.sample, a_.settings.seed);
   }
   if (a_.json) {
-    summaries_.push_back(summary(a_, view, r, importSeconds_, exposure));
+    summaries_.push_back(summary(a_, view, session, importSeconds_, exposure));
   } else {
     fmt::print("{}\n", view.output);
     std::fflush(stdout);

@@ -20,8 +20,10 @@ bool filtered(const RenderSettings& s) { return s.denoise && s.exact < 1.0; }
 
 }  // namespace
 
-nlohmann::json summary(const RenderArguments& a, const View& view, const SessionReport& r,
+nlohmann::json summary(const RenderArguments& a, const View& view, const Session& session,
                        double importSeconds, float exposure) {
+  const SessionReport r = session.report();
+  const double error = session.estimatedError();
   nlohmann::json out = {
       {"input", a.input},
       {"output", view.output},
@@ -58,8 +60,7 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
       {"voxel_bytes", r.voxelBytes},
       {"device_bytes", r.deviceBytes},
       {"nonfinite_samples", r.nonFinite},
-      {"estimated_relmse",
-       r.estimatedError < 0.0 ? nlohmann::json() : nlohmann::json(r.estimatedError)},
+      {"estimated_relmse", error < 0.0 ? nlohmann::json() : nlohmann::json(error)},
       {"exposure_stops", exposure},
       {"peak_resident_bytes", peakResidentBytes()}};
   if (r.mesh.pages == 0) return out;

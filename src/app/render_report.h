@@ -8,7 +8,7 @@
 
 namespace trex {
 
-nlohmann::json summary(const RenderArguments& a, const View& view, const SessionReport& report,
+nlohmann::json summary(const RenderArguments& a, const View& view, const Session& session,
                        double importSeconds, float exposure);
 
 /// Adds version, scene, camera, samples, seed, settings, device and count of non-finite samples as

@@ -95,22 +95,22 @@ dvec3 Accumulator::neighbourMean(std::uint32_t x, std::uint32_t y) const {
   return count > 0.0 ? sum / count : mean(x, y);
 }
 
-double Accumulator::estimatedError() const {
-  double total = 0.0;
+double Accumulator::estimatedError(std::uint32_t stride) const {
+  double total = 0.0, values = 0.0;
   std::uint64_t fewest = ~std::uint64_t{0};
-  for (std::uint32_t y = 0; y < height_; ++y) {
-    for (std::uint32_t x = 0; x < width_; ++x) {
+  for (std::uint32_t y = 0; y < height_; y += stride) {
+    for (std::uint32_t x = 0; x < width_; x += stride) {
       const dvec3 m = mean(x, y);
       total += m.x + m.y + m.z;
+      values += 3.0;
       fewest = std::min(fewest, samples(x, y));
     }
   }
   if (fewest < 2) return std::numeric_limits<double>::infinity();
-  const double values = 3.0 * static_cast<double>(guess_.size());
   const double floor = 0.01 * (total / values) * (total / values);
   double sum = 0.0;
-  for (std::uint32_t y = 0; y < height_; ++y) {
-    for (std::uint32_t x = 0; x < width_; ++x) {
+  for (std::uint32_t y = 0; y < height_; y += stride) {
+    for (std::uint32_t x = 0; x < width_; x += stride) {
       const dvec3 m = glm::min(mean(x, y), neighbourMean(x, y)), v = varianceOfMean(x, y);
       for (int c = 0; c < 3; ++c) {
         if (v[c] > 0.0) sum += v[c] / (m[c] * m[c] + floor);

@@ -60,7 +60,7 @@ class Accumulator {
   /// variance / (r^2 + 0.01 m^2), m the picture's mean. r is the pixel's mean or that of its eight
   /// neighbours, whichever is less: a firefly would hide in a mean that it has raised itself.
   /// Infinite below two samples a pixel.
-  double estimatedError() const;
+  double estimatedError(std::uint32_t stride = 1) const;
 
   /// The sums, to be saved and put back into an accumulator of the same size.
   std::span<std::byte> guessBytes() { return std::as_writable_bytes(std::span(guess_)); }

@@ -42,10 +42,9 @@ class CheckpointReader;
 /// Seconds by phase, counts and memory, for --json and the progress line.
 struct SessionReport {
   double meshSeconds = 0, voxelSeconds = 0, deviceSeconds = 0, aimSeconds = 0;  ///< set-up
-  double renderSeconds = 0;    ///< in run(), and aiming photons before
-  double photonSeconds = 0;    ///< of these
-  double filterSeconds = 0;    ///< of the last picture()
-  double estimatedError = -1;  ///< Accumulator::estimatedError(); negative: not known yet
+  double renderSeconds = 0;  ///< in run(), and aiming photons before
+  double photonSeconds = 0;  ///< of these
+  double filterSeconds = 0;  ///< of the last picture()
   std::uint64_t deviceBytes = 0;
   std::uint32_t samplesDone = 0;  ///< complete passes
   std::uint64_t photons = 0, photonsLanded = 0, nonFinite = 0;
@@ -132,6 +131,9 @@ class Session {
   /// must have a sample.
   Picture picture();
   SessionReport report() const;
+  /// Accumulator::estimatedError(); negative before two samples. Reads every pixel and its
+  /// neighbours, some 20 ms at 640x360; only each stride-th pixel of each stride-th row if told so.
+  double estimatedError(std::uint32_t stride = 1) const;
   const Accumulator& frame() const { return frame_->sums; }
   /// World position of the origin of render space, metres.
   dvec3 renderOrigin() const { return model_->rays->renderOrigin(); }

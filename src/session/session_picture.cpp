@@ -85,9 +85,12 @@ SessionReport Session::report() const {
     out.lightScale = side->pass->scale();
     out.deviceBytes = side->device->statistics().deviceBytes;
   }
-  out.estimatedError = out.samplesDone < 2 ? -1.0 : frame_->sums.estimatedError();
   out.nonFinite = frame_->sums.nonFiniteCount();
   return out;
+}
+
+double Session::estimatedError(std::uint32_t stride) const {
+  return samplesDone() < 2 ? -1.0 : frame_->sums.estimatedError(stride);
 }
 
 /// All that grows with the samples.

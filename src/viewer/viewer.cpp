@@ -230,6 +230,7 @@ bool Viewer::Impl::wantsAim() const { return aimAt > 0.0; }
 void Viewer::Impl::restartFrame(bool hold) {
   screen.restart(hold);
   bias = BiasEstimate{};
+  noiseEstimate = NoiseEstimate{};
   splitError = -1.0;
 }
 

@@ -82,7 +82,7 @@ ViewerFigures Viewer::figures() const {
   f.samplesPerPixel = frame.tiles.meanProgress();
   const double exact = m.options.settings.exact;
   f.exactShare = m.session->lights().anyPower() && m.session->voxels() ? exact : 1.0;
-  f.noise = m.session->previewing() ? -1.0 : r.estimatedError;
+  f.noise = m.session->previewing() ? -1.0 : m.noiseEstimate.of(*m.session);
   if (exact > 0.0) f.bias = 0.0;
   if (exact <= 0.0 && m.bias.count >= 64) {
     f.bias = std::max(0.0, m.bias.sum / static_cast<double>(m.bias.count));

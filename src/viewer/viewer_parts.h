@@ -37,6 +37,21 @@ struct BiasEstimate {
   double sum = 0.0, meanSquare = 0.0;
 };
 
+/// Session::estimatedError(), asked again when an eighth more samples are there, and of one pixel
+/// in 16: of all of them it takes longer than a step.
+struct NoiseEstimate {
+  double value = -1.0;
+  std::uint32_t samples = 0;
+  double of(const Session& session) {
+    const std::uint32_t done = session.samplesDone();
+    if (done >= samples + std::max(samples / 8, 1u)) {
+      value = session.estimatedError(4);
+      samples = done;
+    }
+    return value;
+  }
+};
+
 struct Viewer::Impl {
   static constexpr double kAimDelay = 0.5;  ///< seconds a camera rests before photons follow it
 
@@ -60,6 +75,7 @@ struct Viewer::Impl {
   double screenSeconds = 0.004;  ///< that an update takes
   Rates rates;
   BiasEstimate bias;
+  mutable NoiseEstimate noiseEstimate;
   double splitError = -1.0;
   bool recoveryDue = false;
   double nextRecovery = 0.0;
