@@ -146,6 +146,7 @@ class StreamBake {
   /// All of the source that is needed from here on; the rest is freed.
   void keepScene() {
     scene_ = stream_->scene();
+    brought_ = stream_->attributes();
     stream_.reset();
     for (Mesh& mesh : scene_.meshes) {
       const bool emits = scene_.materials[static_cast<std::size_t>(mesh.material)].emits();
@@ -254,6 +255,12 @@ class StreamBake {
   void finish() {
     BakeFacts facts = facts_;
     facts.requirements = bundle::requirementsOf(scene_, options_.voxelDepth > 0);
+    // The scene's own meshes may be empty: their triangles come from the stream.
+    for (bundle::Requirement& r : facts.requirements) {
+      const bool brought = (r.name == "normals" && brought_.normals) ||
+                           (r.name == "vertex colours" && brought_.colors);
+      if (!r.required && brought) r = {r.name, true, "the model's triangles have them", 0};
+    }
     const bundle::Description d =
         bundle::describe(scene_, {renderOrigin_, 0, {}, tree_.has_value()}, facts);
     const auto add = [&](const std::string& name, const auto& bytes) {
@@ -287,6 +294,7 @@ class StreamBake {
   hccm::Spill spill_;
   hccm::PageTable table_;
   Scene scene_;
+  StreamAttributes brought_;
   std::optional<asvo::Tree> tree_;
   std::unique_ptr<bundle::ContainerStream> out_;
   StreamBakeResult result_;
@@ -310,8 +318,8 @@ StreamEstimate estimateStreamBake(const TriangleStream& stream, const StreamBake
   e.memory =
       std::max(held + std::max(most, kLeastBuildBytes), kOtherBytes + 2 * kFewestVoxelBytes) +
       n / 20 * kTableBytesATriangle;
-  e.spillBytes = n * (kSpillBytesATriangle + stream.attributeBytes());
-  e.bundleBytes = n * (kBundleBytesATriangle + stream.attributeBytes() / 4);
+  e.spillBytes = n * (kSpillBytesATriangle + stream.attributes().bytes());
+  e.bundleBytes = n * (kBundleBytesATriangle + stream.attributes().bytes() / 4);
   e.seconds = static_cast<double>(n) / kTrianglesASecond;
   std::error_code error;
   const fs::path folder = target.has_parent_path() ? target.parent_path() : fs::path(".");

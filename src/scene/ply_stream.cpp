@@ -147,6 +147,7 @@ class PlyStream : public TriangleStream {
     }
     measure();
     scene_.materials.push_back(defaultMaterial());
+    if (layout_.colors) scene_.materials[0].baseColor = vec4(1.0f);
     scene_.objects.push_back(path.stem().string());
     scene_.meshes.emplace_back().name = scene_.objects[0];
     scene_.instances.emplace_back().name = scene_.objects[0];
@@ -160,8 +161,8 @@ class PlyStream : public TriangleStream {
   std::string key() const override {
     return fmt::format("{}|{}|{}", source_.path, source_.bytes, source_.modifiedNanoseconds);
   }
-  std::uint64_t attributeBytes() const override {
-    return 12u * layout_.normals + 12u * layout_.colors;
+  StreamAttributes attributes() const override {
+    return {.normals = layout_.normals, .texCoords = false, .colors = layout_.colors};
   }
   std::uint64_t residentBytes() const override { return starts_.size() * sizeof(Start); }
 

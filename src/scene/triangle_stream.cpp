@@ -32,14 +32,14 @@ class SceneStream : public TriangleStream {
     }
     return key;
   }
-  std::uint64_t attributeBytes() const override {
-    bool normals = false, texCoords = false, colors = false;
+  StreamAttributes attributes() const override {
+    StreamAttributes a;
     for (const Mesh& m : scene_.meshes) {
-      normals |= !m.normals.empty();
-      texCoords |= !m.texCoords.empty();
-      colors |= !m.colors.empty();
+      a.normals |= !m.normals.empty();
+      a.texCoords |= !m.texCoords.empty();
+      a.colors |= !m.colors.empty();
     }
-    return 12u * normals + 24u * texCoords + 12u * colors;
+    return a;
   }
   std::uint64_t residentBytes() const override {
     std::uint64_t bytes = 0;

@@ -32,6 +32,12 @@ struct TriangleBatch {
   std::size_t triangles() const { return positions.size() / 3; }
 };
 
+struct StreamAttributes {
+  bool normals = false, texCoords = false, colors = false;
+  /// Of a triangle, at most.
+  std::uint64_t bytes() const { return 12u * normals + 24u * texCoords + 12u * colors; }
+};
+
 /// Where triangles come from. Const calls are thread safe.
 class TriangleStream {
  public:
@@ -46,8 +52,8 @@ class TriangleStream {
   virtual void batch(std::uint64_t number, TriangleBatch& out) const = 0;
   /// The source's name and whatever decides its triangles; equal texts mean equal triangles.
   virtual std::string key() const = 0;
-  /// Bytes of normals (12), texture coordinates (24) and colours (12) that a triangle may bring.
-  virtual std::uint64_t attributeBytes() const { return 0; }
+  /// What triangles may bring besides positions.
+  virtual StreamAttributes attributes() const { return {}; }
   /// Bytes that the stream itself holds in memory.
   virtual std::uint64_t residentBytes() const { return 0; }
 
