@@ -94,15 +94,15 @@ Scene litBox() {
 TEST(Slivers, AreNotSeen) {
   Scene with = litBox();
   place(with, slivers());
-  const Rendered clean = render(litBox(), settingsFor(64, 1.0, 24));
-  const Rendered image = render(with, settingsFor(64, 1.0, 24, 2));
+  const Rendered clean = render(litBox(), settingsFor(64, 1.0, 64));
+  const Rendered image = render(with, settingsFor(64, 1.0, 64, 2));
   const Comparison result = compare(image, clean);
   report("slivers exact, pixels failed", 1.0 - result.pixelsPassed, 0.0025);
   report("slivers exact, deviations of the mean", deviations(image, clean), 3.0);
   EXPECT_GE(result.pixelsPassed, 0.9975);
   EXPECT_LT(std::abs(deviations(image, clean)), 3.0);
-  const Rendered guess = render(with, settingsFor(64, 0.0, 16, 2));
-  const Rendered cleanGuess = render(litBox(), settingsFor(64, 0.0, 16, 2));
+  const Rendered guess = render(with, settingsFor(64, 0.0, 32, 2));
+  const Rendered cleanGuess = render(litBox(), settingsFor(64, 0.0, 32, 2));
   report("slivers guess, mean ratio - 1", ratio(guess, cleanGuess) - 1.0, 0.02);
   EXPECT_NEAR(ratio(guess, cleanGuess), 1.0, 0.02);
   if (HasFailure()) keepArtefacts("slivers", image, clean);
