@@ -110,7 +110,7 @@ void exportVdb(const ExportArguments& a) {
   options.model.voxelDepth = a.depth;
   const Model model = openModel(a.input, options);
   if (!model.voxels || model.voxels->info.leafCount == 0) {
-    fail(ExitCode::kInput, "{}: has no voxels", a.input);
+    fail(ExitCode::kInput, "{}: has no voxels; bake it without --no-voxels", a.input);
   }
   const asvo::Tree& tree = *model.voxels;
   const Lit lit(model, a.photons);
