@@ -19,12 +19,13 @@
 //                                            leaf:  also a mask of 4x4x4 sub-voxels, and a plane
 //   level depth   #  #   #   # #               that the mask cuts out
 //
-//   A place without geometry has no node. Bytes a voxel: 8 node, 32 voxel, 16 light (allocated by
-//   who traces), and 16 a leaf; about 68 in all, or 90 a leaf. Of a leaf's bytes 35 are geometry
-//   (mask 8, plane 8, coverage 6, normal 4, plane byte 1, area 8), 29 material and light.
+//   A place without geometry has no node. Bytes a voxel: 8 node, 16 voxel, 16 light (allocated by
+//   who traces), and 8 a leaf; about 46 in all, or 60 a leaf with its share of the levels above. Of
+//   a leaf's bytes 19 are geometry (mask 8, coverage 4.5, normal 3.25, plane 1, area 2; a quarter
+//   is spare), 21 material and light. Emission stands apart, 12 bytes for each voxel that emits.
 //
-// Sides. The normal of a voxel points to its front. Front and back have areas, emission and light
-// of their own. The area of a side is the larger of the areas of faces along and against the
+// Sides. The normal of a voxel points to its front. Front and back have emission and light of their
+// own, and the same area: the larger of the areas of faces along and against the
 // normal: a sheet receives light on both sides, a slab once on each. A child's front is part of its
 // parent's back where their normals are opposed (asvoFlips); sums over sides that go up the tree
 // follow that.
@@ -32,7 +33,7 @@
 // Promises
 //   Masks are conservative: every point of every triangle lies in an occupied sub-voxel, with a
 //   tolerance above the rounding of the tracer, so a closed surface stops every narrow ray.
-//   Areas are exact: those of the leaves sum to that of the mesh, within 1e-4 (of one-sided
+//   Areas are exact: those of the leaves sum to that of the mesh, within 3e-4 (of one-sided
 //   leaves). No value is NaN, whatever the triangles. Triangles that are not finite or thinner than
 //   a millionth of their longest edge are ignored. The same bits for any number of threads.
 //
@@ -95,13 +96,20 @@ struct BuildOptions {
   float size = 0.0f;  ///< edge of the cube; 0: bounds of the triangles, grown a little
 };
 
+/// A voxel that emits: its node, and the radiance of front and back, W/(m^2 sr), rgb9e5.
+struct Emitter {
+  std::uint32_t node, front, back;
+  bool operator==(const Emitter&) const = default;
+};
+
 /// The tree: plain arrays as asvo_layout.h describes them, ready to be copied to a device.
 class Tree {
  public:
   AsvoInfo info{};
   std::vector<uvec2> nodes;
-  std::vector<uvec4> voxels;                ///< 2 a node
-  std::vector<uvec4> leaves;                ///< info.leafCount
+  std::vector<uvec4> voxels;                ///< one a node
+  std::vector<uvec2> leaves;                ///< info.leafCount
+  std::vector<Emitter> emitters;            ///< the nodes that emit, in order
   std::vector<std::uint32_t> levelOffsets;  ///< depth + 2: nodes of level l are [l], [l + 1)
   std::uint64_t sourceHash = 0;  ///< of what it was built from, kept in the file; caller's
 
@@ -112,6 +120,12 @@ class Tree {
   static Tree build(const TriangleSource& source, const BuildOptions& options = {});
   /// Takes a file's bytes after validating all of it. Throws FormatError.
   static Tree fromBytes(std::span<const std::byte> bytes);
+  /// Emitted radiance of a side of a node's voxel.
+  glm::vec3 emission(std::uint32_t node, bool front) const;
+  /// Edge of a voxel of a level, metres.
+  float edge(std::uint32_t level) const { return info.size / static_cast<float>(1u << level); }
+  /// Triangle area of each side of a leaf, m^2.
+  float leafArea(std::uint32_t node) const;
   /// The bytes of a file, see FORMAT.md.
   std::vector<std::byte> toBytes() const;
 };

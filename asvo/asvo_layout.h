@@ -1,4 +1,4 @@
-// Memory layout of the ASVO, included by C++ (through GLM) and by GLSL. Version 1.
+// Memory layout of the ASVO, included by C++ (through GLM) and by GLSL. Version 2.
 //
 // The tree spans a cube: corner `lower` (render space, metres) and edge `size`. Level 0 is the
 // root, level `depth` the leaves; a voxel of level l has edge size / 2^l. Nodes of all levels stand
@@ -7,13 +7,9 @@
 // node firstLeaf + k. All leaves are on level `depth`.
 //
 //  nodes[i]     uvec2   x: index of the first child (0 for a leaf); y: bits 0..7 mask of children,
-//  by
-//                       octant (bit 0 x, bit 1 y, bit 2 z set = upper half)
-//  voxels[i]    uvec4 x 2  see ASVO_VOXEL_*; index 2*i and 2*i+1
-//  leaves[k]    uvec4   x, y: occupancy of 4x4x4 sub-voxels, bit x + 4y + 16z, lower word first
-//                       z: plane normal, octahedral 2 x unorm16;
-//                       w: plane offset from the voxel's centre along the normal in units of the
-//                          voxel's edge (float bits), or ASVO_NO_PLANE if the content is not planar
+//                       by octant (bit 0 x, bit 1 y, bit 2 z set = upper half)
+//  voxels[i]    uvec4   what every level knows of its content, see below
+//  leaves[k]    uvec2   occupancy of 4x4x4 sub-voxels, bit x + 4y + 16z, lower word first
 //  light[i]     uvec4   irradiance (W/m^2) by side, rgb9e5: x front total, y back total, z front
 //                       indirect, w back indirect. Front: light arriving against the voxel's
 //                       normal.
@@ -37,20 +33,22 @@ using glm::vec4;
 #define ASVO_CONST const
 #endif
 
-// voxels[2*i]:
-//   x: projected coverage of faces whose normal points to +x, -x, +y, -y; 4 x unorm8, +x lowest
-//   y: bits 0..15 coverage +z, -z; bits 16..31 dominant material
-//   z: diffuse albedo, 3 x unorm8 (linear); bits 24..31 plane (0 in leaves): bits 24..28 its
-//      offset from the centre along the normal, (value - 16) * 0.06 edges, or 0 for no plane; bits
-//      29..31 how much of it is covered, (value + 1) / 8
-//   w: normal, octahedral 2 x unorm16; area weighted, opposite faces sign-aligned
-// voxels[2*i+1]:
-//   x: emitted radiance of the front side, rgb9e5      y: of the back side
-//   z: triangle area of the front side, m^2 (float bits)   w: of the back side
+// voxels[i]:
+//   x: projected coverage of faces whose normal points to +x, -x, +y, -y, +z; 5 x unorm6, +x lowest
+//   y: bits 0..5 coverage of -z; bits 6..31 normal, octahedral 2 x unorm13, x lowest; area
+//      weighted, opposite faces sign-aligned
+//   z: diffuse albedo, 3 x unorm8 (linear); bits 24..31 plane, 0 for none. In leaves: its offset
+//      from the centre along the normal is (value - 128) * ASVO_PLANE_STEP edges. Above: bits
+//      24..28 the offset, (value - 16) * 0.06 edges; bits 29..31 how much of it is covered,
+//      (value + 1) / 8
+//   w: bits 0..15 dominant material; bits 16..31 triangle area of a side in faces of the voxel: 0,
+//      or (2048 + lower 11 bits) * 2^(upper 5 bits - 32), which is at most 5e-4 of it off
+//      (of less than 5e-7: that)
 // The area of a side is the larger of the summed areas of faces along and against the normal: a
 // single sheet receives light on both sides, a slab on each.
 ASVO_CONST uint ASVO_NONE = 0xffffffffu;
-ASVO_CONST uint ASVO_NO_PLANE = 0x7fc00000u;
+/// Unit of the plane offsets of leaves, in edges: half the diagonal of a voxel is 0.867.
+ASVO_CONST float ASVO_PLANE_STEP = 0.0069f;
 ASVO_CONST uint ASVO_MAX_DEPTH = 12u;
 /// Finest level in the tables of asvo_trace.h (128^3 entries, 8 MiB).
 ASVO_CONST uint ASVO_MAX_GRID_LEVEL = 7u;

@@ -4,8 +4,8 @@
 // C++:  included inside the body of class Tracer (tracer.h), so the functions are its members.
 // GLSL: the shader declares its buffers, defines the accessors, then includes this file:
 //
-//     ASVO_NODE(i) uvec2    ASVO_VOXEL(i) uvec4, i = 2 * voxel or 2 * voxel + 1
-//     ASVO_LEAF(k) uvec4    ASVO_LIGHT(i) uvec4    ASVO_INFO AsvoInfo        (see asvo_layout.h)
+//     ASVO_NODE(i) uvec2    ASVO_VOXEL(i) uvec4    ASVO_LEAF(k) uvec2
+//     ASVO_LIGHT(i) uvec4   ASVO_INFO AsvoInfo                               (see asvo_layout.h)
 //
 // For speed the includer defines tables derived from the tree (src/grays/tables.h); without them
 // the same answers come from the nodes, slowly: the oracle of the tests.
@@ -47,7 +47,7 @@ struct AsvoHit {
   float t;      // metres
   uint voxel;   // node index of the leaf
   uint sub;     // number of the sub-voxel, x + 4y + 16z
-  vec3 normal;  // unit, facing the ray: of the plane, or of the voxel where there is no plane
+  vec3 normal;  // unit, of the voxel, facing the ray
 };
 
 /// What a cone gathered.
@@ -114,16 +114,21 @@ uint asvoPackRgb9e5(vec3 v) ASVO_READS {
          (uint(e) << 27);
 }
 
-/// Octahedral unit vector, 2 x unorm16 [Cigolle et al., JCGT 2014].
-vec3 asvoOctDecode(uint packed) ASVO_READS {
-  float x = float(int(packed & 65535u)) * (2.0f / 65535.0f) - 1.0f;
-  float y = float(int(packed >> 16)) * (2.0f / 65535.0f) - 1.0f;
+/// Unit vector of octahedral coordinates in [-1, 1] [Cigolle et al., JCGT 2014].
+vec3 asvoOctUnfold(float x, float y) ASVO_READS {
   float z = 1.0f - abs(x) - abs(y);
   float fold = max(-z, 0.0f);
   return normalize(vec3(x + (x >= 0.0f ? -fold : fold), y + (y >= 0.0f ? -fold : fold), z));
 }
 
-uint asvoOctEncode(vec3 n) ASVO_READS {
+/// Of 2 x unorm16, x lowest.
+vec3 asvoOctDecode(uint packed) ASVO_READS {
+  return asvoOctUnfold(float(int(packed & 65535u)) * (2.0f / 65535.0f) - 1.0f,
+                       float(int(packed >> 16)) * (2.0f / 65535.0f) - 1.0f);
+}
+
+/// To 2 x `levels` + 1 whole numbers, the second `shift` bits up.
+uint asvoOctFold(vec3 n, float levels, uint shift) ASVO_READS {
   float s = 1.0f / max(abs(n.x) + abs(n.y) + abs(n.z), 1e-30f);
   float x = n.x * s;
   float y = n.y * s;
@@ -133,10 +138,21 @@ uint asvoOctEncode(vec3 n) ASVO_READS {
     x = fx;
     y = fy;
   }
-  uint px = uint(min(max(0.0f, x * 0.5f + 0.5f), 1.0f) * 65535.0f + 0.5f);
-  uint py = uint(min(max(0.0f, y * 0.5f + 0.5f), 1.0f) * 65535.0f + 0.5f);
-  return px | (py << 16);
+  uint px = uint(min(max(0.0f, x * 0.5f + 0.5f), 1.0f) * levels + 0.5f);
+  uint py = uint(min(max(0.0f, y * 0.5f + 0.5f), 1.0f) * levels + 0.5f);
+  return px | (py << shift);
 }
+
+uint asvoOctEncode(vec3 n) ASVO_READS { return asvoOctFold(n, 65535.0f, 16u); }
+
+/// Normal of a voxel, from its word y: 2 x unorm13 from bit 6 on.
+vec3 asvoUnpackNormal(uint word) ASVO_READS {
+  return asvoOctUnfold(float(int((word >> 6) & 8191u)) * (2.0f / 8191.0f) - 1.0f,
+                       float(int(word >> 19)) * (2.0f / 8191.0f) - 1.0f);
+}
+
+/// Those bits of the word.
+uint asvoPackNormal(vec3 n) ASVO_READS { return asvoOctFold(n, 8191.0f, 13u) << 6; }
 
 vec3 asvoUnpackAlbedo(uint packed) ASVO_READS {
   return vec3(float(packed & 255u), float((packed >> 8) & 255u), float((packed >> 16) & 255u)) *
@@ -146,24 +162,27 @@ vec3 asvoUnpackAlbedo(uint packed) ASVO_READS {
 // --- Voxels -------------------------------------------------------------------------------------
 
 /// Diffuse albedo, linear, [0, 1].
-vec3 asvoAlbedo(uint voxel) ASVO_READS { return asvoUnpackAlbedo(ASVO_VOXEL(2u * voxel).z); }
+vec3 asvoAlbedo(uint voxel) ASVO_READS { return asvoUnpackAlbedo(ASVO_VOXEL(voxel).z); }
 
 /// Unit normal; its side is the front.
-vec3 asvoNormal(uint voxel) ASVO_READS { return asvoOctDecode(ASVO_VOXEL(2u * voxel).w); }
+vec3 asvoNormal(uint voxel) ASVO_READS { return asvoUnpackNormal(ASVO_VOXEL(voxel).y); }
 
 /// The material with the largest area in the voxel.
-uint asvoMaterial(uint voxel) ASVO_READS { return ASVO_VOXEL(2u * voxel).y >> 16; }
+uint asvoMaterial(uint voxel) ASVO_READS { return ASVO_VOXEL(voxel).w & 65535u; }
 
-/// Triangle area of a side, m^2.
-float asvoArea(uint voxel, bool front) ASVO_READS {
-  uvec4 v = ASVO_VOXEL(2u * voxel + 1u);
-  return uintBitsToFloat(front ? v.z : v.w);
+/// Whether all surfaces in a voxel lie near its plane.
+bool asvoHasPlane(uint voxel) ASVO_READS { return ASVO_VOXEL(voxel).z >> 24 != 0u; }
+
+/// Triangle area of each side, in faces of the voxel.
+float asvoArea(uint voxel) ASVO_READS {
+  uint code = ASVO_VOXEL(voxel).w >> 16;
+  float unit = uintBitsToFloat(((code >> 11) + 95u) << 23);  // 2^(upper 5 bits - 32)
+  return code != 0u ? float(int(2048u + (code & 2047u))) * unit : 0.0f;
 }
 
-/// Emitted radiance of a side.
-vec3 asvoEmission(uint voxel, bool front) ASVO_READS {
-  uvec4 v = ASVO_VOXEL(2u * voxel + 1u);
-  return asvoUnpackRgb9e5(front ? v.x : v.y);
+/// Coverage towards +x, -x, +y, -y, +z, -z, in 1/63.
+uint asvoCoverage(uvec4 v, uint direction) ASVO_READS {
+  return (direction < 5u ? v.x >> (6u * direction) : v.y) & 63u;
 }
 
 /// Whether the front of a child is part of the back of its parent: sums over sides that go up the
@@ -172,10 +191,10 @@ bool asvoFlips(uint child, uint parent) ASVO_READS {
   return dot(asvoNormal(child), asvoNormal(parent)) < 0.0f;
 }
 
-/// How much a voxel of that coverage takes of light along an axis: -log2 of what is clear, in
-/// 1/255 of 8, in a byte.
-uint asvoExtinction(uint coverageByte) ASVO_READS {
-  float coverage = min(float(coverageByte) * (kAsvoCoverageGain / 255.0f), kAsvoMaxCoverage);
+/// How much a voxel of that coverage (in 1/63) takes of light along an axis: -log2 of what is
+/// clear, in 1/255 of 8, in a byte.
+uint asvoExtinction(uint covered) ASVO_READS {
+  float coverage = min(float(int(covered)) * (kAsvoCoverageGain / 63.0f), kAsvoMaxCoverage);
   return uint(-log2(1.0f - coverage) * (255.0f / 8.0f) + 0.5f);
 }
 
@@ -184,10 +203,10 @@ uint asvoPackComponent(float x) ASVO_READS { return uint(x * 511.0f + 511.5f); }
 
 /// The half of asvoConeWords that does not depend on light.
 uvec2 asvoConeShape(uvec4 v) ASVO_READS {
-  vec3 n = asvoOctDecode(v.w);
-  uint x = asvoExtinction(max(v.x & 255u, (v.x >> 8) & 255u));
-  uint y = asvoExtinction(max((v.x >> 16) & 255u, v.x >> 24));
-  uint z = asvoExtinction(max(v.y & 255u, (v.y >> 8) & 255u));
+  vec3 n = asvoUnpackNormal(v.y);
+  uint x = asvoExtinction(max(asvoCoverage(v, 0u), asvoCoverage(v, 1u)));
+  uint y = asvoExtinction(max(asvoCoverage(v, 2u), asvoCoverage(v, 3u)));
+  uint z = asvoExtinction(max(asvoCoverage(v, 4u), asvoCoverage(v, 5u)));
   return uvec2(x | (y << 8) | (z << 16) | (v.z & 0xff000000u), asvoPackComponent(n.x) |
                                                                    (asvoPackComponent(n.y) << 10) |
                                                                    (asvoPackComponent(n.z) << 20));
@@ -198,7 +217,7 @@ uint asvoConeLight(vec3 reflectance, uint irradiance) ASVO_READS {
   return asvoPackRgb9e5(reflectance * asvoUnpackRgb9e5(irradiance) * kAsvoInvPi);
 }
 
-/// All that a cone reads of a voxel. `v`: its first words; `light`: irradiance. x: extinction along
+/// All that a cone reads of a voxel. `v`: its words; `light`: irradiance. x: extinction along
 /// the axes (8 bits each) and the plane; y: normal, 3 x 10 bits; z, w: radiance of front and back.
 uvec4 asvoConeWords(uvec4 v, uvec4 light) ASVO_READS {
   uvec2 shape = asvoConeShape(v);
@@ -213,7 +232,7 @@ uvec4 asvoConeWords(uvec4 v, uvec4 light) ASVO_READS {
 #endif
 
 #ifndef ASVO_CONE
-#define ASVO_CONE(i) asvoConeWords(ASVO_VOXEL(2u * (i)), ASVO_LIGHT(i))
+#define ASVO_CONE(i) asvoConeWords(ASVO_VOXEL(i), ASVO_LIGHT(i))
 #endif
 
 // --- Traversal ----------------------------------------------------------------------------------
@@ -386,19 +405,17 @@ bool asvoOutside(ivec3 cell) ASVO_READS {
   return ((cell.x | cell.y | cell.z) >> (ASVO_INFO.depth + 2u)) != 0;
 }
 
-/// Traverses the sub-voxels of one leaf from `start` on, where the ray is at distance t. At a hit:
-/// its distance, the sub-voxel and the plane normal (zero if the leaf has no plane; not mirrored).
-bool asvoLeafHit(AsvoRay r, ivec3 start, float tstart, uvec4 leaf, ASVO_OUT(float) thit,
-                 ASVO_OUT(uint) sub, ASVO_OUT(vec3) normal) ASVO_READS {
+/// Traverses the sub-voxels of one leaf from `start` on, where the ray is at distance t. `plane`:
+/// its byte, with the normal `n` (mirrored). At a hit: its distance and the sub-voxel.
+bool asvoLeafHit(AsvoRay r, ivec3 start, float tstart, uvec2 mask, uint plane, vec3 n,
+                 ASVO_OUT(float) thit, ASVO_OUT(uint) sub) ASVO_READS {
   ivec3 cell = start;
   float t = tstart;
-  bool planar = leaf.w != ASVO_NO_PLANE;
-  vec3 n = planar ? asvoOctDecode(leaf.z) : vec3(0.0f);
-  normal = n;
-  n *= r.turn;
+  bool planar = plane != 0u;
   // Distance from the plane along the ray: height + slope * t, in sub-voxels.
   vec3 centre = vec3(cell & ivec3(~3)) + vec3(2.0f);
-  float height = planar ? dot(n, r.o - centre) - 4.0f * uintBitsToFloat(leaf.w) : 0.0f;
+  float offset = (float(int(plane)) - 128.0f) * (4.0f * ASVO_PLANE_STEP);
+  float height = dot(n, r.o - centre) - offset;
   float slope = dot(n, r.d);
   thit = t;
   sub = 0u;
@@ -406,7 +423,7 @@ bool asvoLeafHit(AsvoRay r, ivec3 start, float tstart, uvec4 leaf, ASVO_OUT(floa
     vec3 texit = (vec3(cell + ivec3(1)) - r.o) * r.inv;
     float tnext = max(t, asvoMin3(texit));
     uint bit = uint((cell.x & 3) | ((cell.y & 3) << 2) | ((cell.z & 3) << 4)) ^ r.subFlip;
-    if ((((bit < 32u ? leaf.x : leaf.y) >> (bit & 31u)) & 1u) != 0u) {
+    if ((((bit < 32u ? mask.x : mask.y) >> (bit & 31u)) & 1u) != 0u) {
       float h0 = height + slope * t;
       float h1 = height + slope * tnext;
       if (!planar || h0 * h1 <= 0.0f || min(abs(h0), abs(h1)) <= kAsvoPlaneTolerance) {
@@ -455,9 +472,10 @@ bool asvoIntersect(vec3 origin, vec3 dir, float tmin, float tmax,
     if (place.voxel != ASVO_NONE) {
       float thit;
       uint sub;
-      vec3 normal;
-      uvec4 leaf = ASVO_LEAF(place.voxel - ASVO_INFO.firstLeaf);
-      if (asvoLeafHit(r, cell, t, leaf, thit, sub, normal)) {
+      uvec2 mask = ASVO_LEAF(place.voxel - ASVO_INFO.firstLeaf);
+      uvec4 v = ASVO_VOXEL(place.voxel);
+      vec3 n = asvoUnpackNormal(v.y);
+      if (asvoLeafHit(r, cell, t, mask, v.z >> 24, n * r.turn, thit, sub)) {
         if (thit > r.end) {
           return false;
         }
@@ -465,8 +483,7 @@ bool asvoIntersect(vec3 origin, vec3 dir, float tmin, float tmax,
         hit.t = min(max(tmin, hit.t), tmax);
         hit.voxel = place.voxel;
         hit.sub = sub;
-        normal = dot(normal, normal) > 0.5f ? normal : asvoNormal(place.voxel);
-        hit.normal = dot(normal, dir) > 0.0f ? -normal : normal;
+        hit.normal = dot(n, dir) > 0.0f ? -n : n;
         return true;
       }
     }
@@ -531,9 +548,9 @@ void asvoConeTake(AsvoRay r, AsvoPlace place, float until, bool fine, bool lit,
   if (fine && place.shift == 2u) {
     float thit;
     uint sub;
-    vec3 normal;
-    uvec4 leaf = ASVO_LEAF(place.voxel - ASVO_INFO.firstLeaf);
-    opacity = asvoLeafHit(r, m.cell, m.t, leaf, thit, sub, normal) && thit <= r.end ? 1.0f : 0.0f;
+    uvec2 mask = ASVO_LEAF(place.voxel - ASVO_INFO.firstLeaf);
+    bool met = asvoLeafHit(r, m.cell, m.t, mask, words.x >> 24, n, thit, sub) && thit <= r.end;
+    opacity = met ? 1.0f : 0.0f;
   }
   if (lit) {
     m.radiance += (m.transmittance * opacity) * asvoUnpackRgb9e5(slope <= 0.0f ? words.z : words.w);

@@ -356,15 +356,22 @@ Tree assemble(std::vector<LeafList>& lists, const Grid& grid) {
                firstLeaf,
                nodeCount - firstLeaf};
   tree.nodes.assign(nodeCount, uvec2(0u));
-  tree.voxels.resize(2ull * nodeCount);
+  tree.voxels.resize(nodeCount);
   tree.leaves.resize(tree.info.leafCount);
   std::vector<Surface> surfaces(nodeCount);
   tbb::parallel_for(std::size_t{0}, lists.size(), [&](std::size_t b) {
-    append(tree.voxels, lists[b].voxels, 2 * (firstLeaf + starts[b]));
+    append(tree.voxels, lists[b].voxels, firstLeaf + starts[b]);
     append(tree.leaves, lists[b].leaves, starts[b]);
     append(surfaces, lists[b].surfaces, firstLeaf + starts[b]);
   });
-  buildLevels(tree, std::move(keys), surfaces);
+  std::vector<EmittedPower> emitters;
+  for (std::size_t b = 0; b < lists.size(); ++b) {
+    for (EmittedPower power : lists[b].emitters) {
+      power.node += firstLeaf + static_cast<std::uint32_t>(starts[b]);
+      emitters.push_back(power);
+    }
+  }
+  buildLevels(tree, std::move(keys), surfaces, std::move(emitters));
   return tree;
 }
 
@@ -379,15 +386,14 @@ Tree emptyTree(const Grid& grid) {
                1u,
                0u};
   tree.nodes.assign(1, uvec2(1u, 0u));
-  tree.voxels.resize(2);
-  VoxelSums().pack(tree.voxels[0], tree.voxels[1]);
+  tree.voxels.assign(1, VoxelSums().pack(0.5f));
   tree.levelOffsets = {0, 1, 1};
   return tree;
 }
 
 std::uint64_t bytesOf(const Tree& tree) {
-  return tree.nodes.size() * (sizeof(uvec2) + 3 * sizeof(uvec4)) +
-         tree.leaves.size() * sizeof(uvec4);
+  return tree.nodes.size() * (sizeof(uvec2) + 2 * sizeof(uvec4)) +
+         tree.leaves.size() * sizeof(uvec2) + tree.emitters.size() * sizeof(Emitter);
 }
 
 namespace {
@@ -407,6 +413,17 @@ void check(const TriangleSource& source, const BuildOptions& options) {
 }
 
 }  // namespace
+
+glm::vec3 Tree::emission(std::uint32_t node, bool front) const {
+  const auto at = std::lower_bound(emitters.begin(), emitters.end(), node,
+                                   [](const Emitter& e, std::uint32_t n) { return e.node < n; });
+  if (at == emitters.end() || at->node != node) return glm::vec3(0.0f);
+  return packer().asvoUnpackRgb9e5(front ? at->front : at->back);
+}
+
+float Tree::leafArea(std::uint32_t node) const {
+  return Tracer(*this).asvoArea(node) * edge(info.depth) * edge(info.depth);
+}
 
 GridTriangle::GridTriangle(const Triangle& triangle, const Grid& grid)
     : source(triangle),
@@ -428,7 +445,6 @@ GridTriangle::GridTriangle(const Triangle& triangle, const Grid& grid)
 Tree Tree::build(const TriangleSource& source, const BuildOptions& options) {
   check(source, options);
   constexpr std::uint64_t kMaxLeaves = 1ull << 28;  // node numbers of 32 bits, twice
-  constexpr std::uint64_t kBytesPerLeaf = sizeof(uvec2) + 4 * sizeof(uvec4);
   std::uint64_t maxLeaves = std::min(options.maxLeaves, kMaxLeaves);
   if (options.maxBytes > 0) maxLeaves = std::min(maxLeaves, options.maxBytes / kBytesPerLeaf);
   Grid grid = makeGrid(source, options, options.depth > 0 ? options.depth : 8);

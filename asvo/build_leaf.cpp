@@ -60,21 +60,18 @@ glm::vec3 alignedNormal(std::span<const LeafBuilder::Piece> pieces) {
   return along < 0.0f ? -normal : normal;
 }
 
-/// A number in [0, 1) for a leaf. Photons multiply albedos along a path, so a rounding that is the
-/// same in all leaves adds up: 0.9 as 230/255 makes a closed room 2 % too bright. Dithered, the
-/// mean over leaves is right.
-float ditherOf(std::uint64_t key) {
-  key = (key ^ key >> 31) * 0x9e3779b97f4a7c15ull;
-  key = (key ^ key >> 29) * 0xbf58476d1ce4e5b9ull;
-  return static_cast<float>(key >> 40) * 0x1p-24f;
-}
-
 }  // namespace
 
 const Tracer& packer() {
   static const Tree empty;
   static const Tracer tracer(empty);
   return tracer;
+}
+
+float ditherOf(std::uint64_t key) {
+  key = (key ^ key >> 31) * 0x9e3779b97f4a7c15ull;
+  key = (key ^ key >> 29) * 0xbf58476d1ce4e5b9ull;
+  return static_cast<float>(key >> 40) * 0x1p-24f;
 }
 
 void NormalSum::add(const glm::vec3& normal, float along, float against) {
@@ -95,25 +92,34 @@ glm::vec3 NormalSum::normal() const {
   return length > 0.0f ? sum / length : last_;
 }
 
-void VoxelSums::pack(uvec4& first, uvec4& second, float dither) const {
-  auto unorm = [](float x) {
-    return static_cast<std::uint32_t>(std::clamp(x, 0.0f, 1.0f) * 255.0f + 0.5f);
-  };
+std::uint32_t packArea(float faces, float dither) {
+  if (!(faces > 0.0f)) return 0;
+  int exponent = 0;
+  const float mantissa = std::frexp(faces, &exponent);  // [0.5, 1)
+  auto digits = static_cast<int>(mantissa * 4096.0f + dither);
+  if (digits == 4096) {
+    digits = 2048;
+    ++exponent;
+  }
+  exponent += 20;  // digits * 2^(exponent - 32)
+  if (exponent < 0 || (exponent == 0 && digits == 2048)) return 1;
+  if (exponent > 31) return 0xffffu;
+  return static_cast<std::uint32_t>(exponent) << 11 | static_cast<std::uint32_t>(digits - 2048);
+}
+
+uvec4 VoxelSums::pack(float dither) const {
+  std::uint32_t c[6];
+  for (int i = 0; i < 6; ++i) {
+    c[i] = static_cast<std::uint32_t>(std::clamp(coverage[i], 0.0f, 1.0f) * 63.0f + dither);
+  }
   const glm::vec3 a = albedo / std::max(weight, 1e-30f);
-  // Area times its inverse: an area too small to divide by emits nothing.
-  const float inverse = area > 1e-30f ? 1.0f / area : 0.0f;
-  first.x = unorm(coverage[0]) | unorm(coverage[1]) << 8 | unorm(coverage[2]) << 16 |
-            unorm(coverage[3]) << 24;
-  first.y = unorm(coverage[4]) | unorm(coverage[5]) << 8 | material << 16;
   auto dithered = [dither](float x) {
     return static_cast<std::uint32_t>(std::clamp(x, 0.0f, 1.0f) * 255.0f + dither);
   };
-  first.z = dithered(a.x) | dithered(a.y) << 8 | dithered(a.z) << 16;
-  first.w = packer().asvoOctEncode(normal);
-  second.x = packer().asvoPackRgb9e5(power[0] * inverse);
-  second.y = packer().asvoPackRgb9e5(power[1] * inverse);
-  second.z = std::bit_cast<std::uint32_t>(area);
-  second.w = second.z;
+  return {c[0] | c[1] << 6 | c[2] << 12 | c[3] << 18 | c[4] << 24,
+          c[5] | packer().asvoPackNormal(normal),
+          dithered(a.x) | dithered(a.y) << 8 | dithered(a.z) << 16 | plane << 24,
+          material | packArea(area, dither) << 16};
 }
 
 void LeafBuilder::start(const glm::vec3& p) {
@@ -214,22 +220,18 @@ std::uint32_t LeafBuilder::dominantMaterial() {
   return std::max_element(materials_.begin(), materials_.end(), less)->first;
 }
 
-/// The leaf's words: mask, and the plane if all corners lie within a quarter of a sub-voxel of it.
-uvec4 LeafBuilder::packLeaf(std::uint32_t packedNormal) const {
-  uvec4 leaf(static_cast<std::uint32_t>(mask_), static_cast<std::uint32_t>(mask_ >> 32),
-             packedNormal, ASVO_NO_PLANE);
-  if (merged_) return leaf;
-  const glm::vec3 normal = packer().asvoOctDecode(packedNormal);
+/// The plane, if all corners lie within a quarter of a sub-voxel of it.
+std::uint32_t LeafBuilder::planeByte(const glm::vec3& normal) const {
+  if (merged_) return 0;
   float low = 1e30f, high = -1e30f;
   for (const glm::vec3& corner : corners_) {
     const float height = glm::dot(normal, corner);
     low = std::min(low, height);
     high = std::max(high, height);
   }
-  if (high - low <= 0.5f && high >= low) {
-    leaf.w = std::bit_cast<std::uint32_t>(0.5f * (low + high) / kSubVoxels);
-  }
-  return leaf;
+  if (!(high - low <= 0.5f && high >= low)) return 0;
+  const float offset = 0.5f * (low + high) / (kSubVoxels * ASVO_PLANE_STEP);
+  return static_cast<std::uint32_t>(std::clamp(std::round(offset) + 128.0f, 1.0f, 255.0f));
 }
 
 void LeafBuilder::finish(std::uint64_t key, LeafList& out) {
@@ -238,6 +240,7 @@ void LeafBuilder::finish(std::uint64_t key, LeafList& out) {
   const float face = static_cast<float>(edge * edge);  // m^2
   VoxelSums sums;
   sums.normal = alignedNormal(pieces_);
+  EmittedPower power{static_cast<std::uint32_t>(out.keys.size()), {vec3(0.0f), vec3(0.0f)}};
   glm::vec2 sides(0.0f);
   for (const Piece& piece : pieces_) {
     const int side = glm::dot(piece.normal, sums.normal) >= 0.0f ? 0 : 1;
@@ -249,18 +252,18 @@ void LeafBuilder::finish(std::uint64_t key, LeafList& out) {
     }
     sums.albedo += weight * piece.shade.albedo;
     sums.weight += weight;
-    sums.power[side] += weight * face * piece.shade.emission;
-    if (piece.shade.emitsBack) sums.power[1 - side] += weight * face * piece.shade.emission;
+    power.side[side] += weight * face * piece.shade.emission;
+    if (piece.shade.emitsBack) power.side[1 - side] += weight * face * piece.shade.emission;
   }
-  sides *= face;
   sums.area = std::max(sides.x, sides.y);
+  sides *= face;
   sums.material = dominantMaterial();
-  uvec4 first, second;
-  sums.pack(first, second, ditherOf(key));
+  sums.plane = planeByte(packer().asvoUnpackNormal(packer().asvoPackNormal(sums.normal)));
+  if (power.side[0] + power.side[1] != vec3(0.0f)) out.emitters.push_back(power);
   out.keys.push_back(key);
-  out.voxels.push_back(first);
-  out.voxels.push_back(second);
-  out.leaves.push_back(packLeaf(first.w));
+  out.voxels.push_back(sums.pack(ditherOf(key)));
+  out.leaves.emplace_back(static_cast<std::uint32_t>(mask_),
+                          static_cast<std::uint32_t>(mask_ >> 32));
   // Lengths in leaf edges, areas in m^2.
   Moments moments;
   moments.add(moments_.moved(1.0f / kSubVoxels, glm::vec3(0.0f)), face / (kSubVoxels * kSubVoxels));

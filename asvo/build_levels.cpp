@@ -13,7 +13,7 @@ namespace asvo {
 namespace {
 
 struct Child {
-  uvec4 first, second;
+  uvec4 words;
   Surface surface;
   std::uint32_t octant;
   glm::vec3 normal;
@@ -21,8 +21,7 @@ struct Child {
 };
 
 float coverageOf(const uvec4& voxel, int direction) {
-  const std::uint32_t word = direction < 4 ? voxel.x : voxel.y;
-  return static_cast<float>(word >> (8 * (direction & 3)) & 255u) * (1.0f / 255.0f);
+  return static_cast<float>(packer().asvoCoverage(voxel, static_cast<uint>(direction))) / 63.0f;
 }
 
 /// Coverage of a face of the parent: its four columns of two cells, averaged. Two cells of a column
@@ -61,10 +60,10 @@ std::uint32_t dominantMaterial(std::span<const Child> children) {
   std::uint32_t best = 0;
   float most = -1.0f;
   for (const Child& child : children) {
-    const std::uint32_t material = child.first.y >> 16;
+    const std::uint32_t material = child.words.w & 65535u;
     float weight = 0.0f;
     for (const Child& other : children) {
-      if (other.first.y >> 16 == material) weight += other.weight();
+      if ((other.words.w & 65535u) == material) weight += other.weight();
     }
     if (weight > most) {
       most = weight;
@@ -115,34 +114,29 @@ Moments parentMoments(std::span<const Child> children) {
 }
 
 /// `face`: area of a face of the voxel, m^2.
-void filter(std::span<const Child> children, float face, uvec4& first, uvec4& second,
-            Surface& surface) {
+uvec4 filter(std::span<const Child> children, float face, float dither, Surface& surface) {
   VoxelSums sums;
   sums.normal = alignChildren(children, surface.sides);
-  sums.area = std::max(surface.sides.x, surface.sides.y);
+  sums.area = surface.area() / face;
   surface.moments = parentMoments(children);
-  // The side of a child is decided by the packed normals, as its readers do (asvoFlips).
-  const glm::vec3 normal = packer().asvoOctDecode(packer().asvoOctEncode(sums.normal));
   for (const Child& child : children) {
-    const int side = glm::dot(child.normal, normal) < 0.0f ? 1 : 0;
-    const float area = std::bit_cast<float>(child.second.z);
-    sums.albedo += child.weight() * packer().asvoUnpackAlbedo(child.first.z);
+    sums.albedo += child.weight() * packer().asvoUnpackAlbedo(child.words.z);
     sums.weight += child.weight();
-    sums.power[side] += area * packer().asvoUnpackRgb9e5(child.second.x);
-    sums.power[1 - side] += area * packer().asvoUnpackRgb9e5(child.second.y);
   }
   for (int direction = 0; direction < 6; ++direction) {
     float cells[8] = {};
-    for (const Child& child : children) cells[child.octant] = coverageOf(child.first, direction);
+    for (const Child& child : children) cells[child.octant] = coverageOf(child.words, direction);
     sums.coverage[direction] = columnCoverage(cells, direction / 2);
   }
   sums.material = dominantMaterial(children);
-  sums.pack(first, second);
-  first.z |= planeByte(surface.moments, normal, sums.area / face) << 24;
+  const glm::vec3 normal = packer().asvoUnpackNormal(packer().asvoPackNormal(sums.normal));
+  sums.plane = planeByte(surface.moments, normal, sums.area);
+  return sums.pack(dither);
 }
 
 /// Fills the voxel of node i from its children.
-void filterNode(Tree& tree, std::vector<Surface>& surfaces, float face, std::uint32_t i) {
+void filterNode(Tree& tree, std::vector<Surface>& surfaces, float face, float dither,
+                std::uint32_t i) {
   std::array<Child, 8> children;
   std::size_t count = 0;
   const uvec2 node = tree.nodes[i];
@@ -150,24 +144,59 @@ void filterNode(Tree& tree, std::vector<Surface>& surfaces, float face, std::uin
     if ((node.y >> octant & 1u) == 0) continue;
     Child& child = children[count];
     const std::size_t index = node.x + count++;
-    child.first = tree.voxels[2 * index];
-    child.second = tree.voxels[2 * index + 1];
+    child.words = tree.voxels[index];
     child.surface = surfaces[index];
     child.octant = octant;
-    child.normal = packer().asvoOctDecode(child.first.w);
+    child.normal = packer().asvoUnpackNormal(child.words.y);
   }
-  filter({children.data(), count}, face, tree.voxels[2ull * i], tree.voxels[2ull * i + 1],
-         surfaces[i]);
+  tree.voxels[i] = filter({children.data(), count}, face, dither, surfaces[i]);
+}
+
+/// Of a level, as the tree keeps it, before all that it has so far.
+void keepEmitters(Tree& tree, const std::vector<Surface>& surfaces,
+                  const std::vector<EmittedPower>& powers) {
+  std::vector<Emitter> level;
+  for (const EmittedPower& p : powers) {
+    const float area = surfaces[p.node].area();
+    // Times the inverse: an area too small to divide by emits nothing.
+    const float inverse = area > 1e-30f ? 1.0f / area : 0.0f;
+    const Emitter e{p.node, packer().asvoPackRgb9e5(p.side[0] * inverse),
+                    packer().asvoPackRgb9e5(p.side[1] * inverse)};
+    if ((e.front | e.back) != 0) level.push_back(e);
+  }
+  tree.emitters.insert(tree.emitters.begin(), level.begin(), level.end());
+}
+
+/// Of the parents. `parents`: of each node of the level that starts with node `first`.
+std::vector<EmittedPower> parentPowers(const Tree& tree, const std::vector<EmittedPower>& powers,
+                                       const std::vector<std::uint32_t>& parents,
+                                       std::uint32_t first) {
+  const Tracer tracer(tree);
+  std::vector<EmittedPower> out;
+  for (const EmittedPower& p : powers) {
+    const std::uint32_t parent = parents[p.node - first];
+    if (out.empty() || out.back().node != parent) {
+      out.push_back({parent, {vec3(0.0f), vec3(0.0f)}});
+    }
+    const bool flips = tracer.asvoFlips(p.node, parent);
+    out.back().side[0] += p.side[flips ? 1 : 0];
+    out.back().side[1] += p.side[flips ? 0 : 1];
+  }
+  return out;
 }
 
 }  // namespace
 
-void buildLevels(Tree& tree, std::vector<std::uint64_t> keys, std::vector<Surface>& surfaces) {
+void buildLevels(Tree& tree, std::vector<std::uint64_t> keys, std::vector<Surface>& surfaces,
+                 std::vector<EmittedPower> emitters) {
+  std::vector<std::uint32_t> parents;
   for (int level = static_cast<int>(tree.info.depth) - 1; level >= 0; --level) {
     const float edge = std::ldexp(tree.info.size, -level);
     const std::uint32_t begin = tree.levelOffsets[level], end = tree.levelOffsets[level + 1];
     std::uint32_t parent = begin;
     std::size_t kept = 0;
+    keepEmitters(tree, surfaces, emitters);
+    parents.clear();
     for (std::size_t k = 0; k < keys.size(); ++k) {
       const std::uint64_t childKey = keys[k], key = childKey >> 3;
       if (k == 0 || keys[kept - 1] != key) {
@@ -176,14 +205,17 @@ void buildLevels(Tree& tree, std::vector<std::uint64_t> keys, std::vector<Surfac
         tree.nodes[parent] = uvec2(end + static_cast<std::uint32_t>(k), 0u);
       }
       tree.nodes[parent].y |= 1u << (childKey & 7u);
+      if (!emitters.empty()) parents.push_back(parent);
     }
     keys.resize(kept);
     const tbb::blocked_range<std::uint32_t> range(begin, end, 512);
     tbb::parallel_for(range, [&](const auto& part) {
       for (std::uint32_t i = part.begin(); i < part.end(); ++i)
-        filterNode(tree, surfaces, edge * edge, i);
+        filterNode(tree, surfaces, edge * edge, ditherOf(keys[i - begin]), i);
     });
+    emitters = parentPowers(tree, emitters, parents, end);
   }
+  keepEmitters(tree, surfaces, emitters);
 }
 
 }  // namespace asvo

@@ -17,7 +17,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "files are little-endian");
 
 constexpr char kMagic[8] = {'A', 'S', 'V', 'O', 't', 'r', 'e', 'e'};
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;
 constexpr std::uint32_t kByteOrder = 0x01020304u;
 constexpr std::uint64_t kAlignment = 4096;
 
@@ -26,7 +26,9 @@ struct Section {
   std::uint64_t hash;    ///< XXH3-64 of its bytes
 };
 
-/// 128 bytes at the start of the file.
+constexpr int kSections = 4;
+
+/// 144 bytes at the start of the file.
 struct Header {
   char magic[8];
   std::uint32_t version;
@@ -34,21 +36,22 @@ struct Header {
   std::uint64_t fileBytes;
   std::uint64_t sourceHash;
   AsvoInfo info;
-  Section sections[3];  ///< nodes, voxels, leaves
-  std::uint64_t reserved;
-  std::uint64_t hash;  ///< XXH3-64 of the 120 bytes before
+  Section sections[kSections];  ///< nodes, voxels, leaves, emitters
+  std::uint32_t emitterCount;
+  std::uint32_t reserved;
+  std::uint64_t hash;  ///< XXH3-64 of the 136 bytes before
 };
-static_assert(sizeof(Header) == 128 && offsetof(Header, info) == 32 &&
-              offsetof(Header, sections) == 64 && offsetof(Header, hash) == 120);
+static_assert(sizeof(Header) == 144 && offsetof(Header, info) == 32 &&
+              offsetof(Header, sections) == 64 && offsetof(Header, hash) == 136);
 
 [[noreturn]] void fail(const std::string& what) { throw FormatError("asvo: " + what); }
 
 std::uint64_t aligned(std::uint64_t bytes) { return (bytes + kAlignment - 1) & ~(kAlignment - 1); }
 
-std::array<std::uint64_t, 3> sectionBytes(const AsvoInfo& info) {
+std::array<std::uint64_t, kSections> sectionBytes(const AsvoInfo& info, std::uint64_t emitters) {
   return {std::uint64_t{info.nodeCount} * sizeof(uvec2),
-          std::uint64_t{info.nodeCount} * 2 * sizeof(uvec4),
-          std::uint64_t{info.leafCount} * sizeof(uvec4)};
+          std::uint64_t{info.nodeCount} * sizeof(uvec4),
+          std::uint64_t{info.leafCount} * sizeof(uvec2), emitters * sizeof(Emitter)};
 }
 
 void checkInfo(const AsvoInfo& info) {
@@ -90,22 +93,25 @@ void checkLeaves(const Tree& tree) {
   for (std::uint32_t k = 0; k < tree.info.leafCount; ++k) {
     const uvec2 node = tree.nodes[tree.info.firstLeaf + k];
     if (node.x != 0 || node.y != 0) fail("leaf " + std::to_string(k) + " has children");
-    const uvec4 leaf = tree.leaves[k];
-    const float offset = std::bit_cast<float>(leaf.w);
-    if ((leaf.x | leaf.y) == 0) fail("leaf " + std::to_string(k) + " is empty");
-    // Half the diagonal of a voxel is 0.867 edges.
-    if (leaf.w != ASVO_NO_PLANE && !(std::abs(offset) <= 1.0f)) {
-      fail("leaf " + std::to_string(k) + " has a plane outside its voxel");
+    if ((tree.leaves[k].x | tree.leaves[k].y) == 0) {
+      fail("leaf " + std::to_string(k) + " is empty");
     }
   }
 }
 
 void checkVoxels(const Tree& tree) {
   for (std::uint32_t i = 0; i < tree.info.nodeCount; ++i) {
-    const uvec4 second = tree.voxels[2ull * i + 1];
-    const float front = std::bit_cast<float>(second.z), back = std::bit_cast<float>(second.w);
-    if (!(front >= 0.0f && std::isfinite(front) && back >= 0.0f && std::isfinite(back))) {
-      fail("voxel " + std::to_string(i) + " has an area that is negative or not finite");
+    const uvec4 voxel = tree.voxels[i];
+    if (voxel.x >> 30 != 0) fail("voxel " + std::to_string(i) + " has spare bits that are set");
+  }
+}
+
+void checkEmitters(const Tree& tree) {
+  for (std::size_t i = 0; i < tree.emitters.size(); ++i) {
+    const Emitter& e = tree.emitters[i];
+    const bool inOrder = i == 0 || tree.emitters[i - 1].node < e.node;
+    if (!inOrder || e.node >= tree.info.nodeCount || (e.front | e.back) == 0) {
+      fail("emitter " + std::to_string(i) + " is out of order, dark, or of no node");
     }
   }
 }
@@ -123,8 +129,8 @@ Header readHeader(std::span<const std::byte> bytes) {
   if (header.fileBytes != bytes.size()) fail("truncated, or bytes behind the end");
   checkInfo(header.info);
   std::uint64_t expected = kAlignment;
-  const auto sizes = sectionBytes(header.info);
-  for (int i = 0; i < 3; ++i) {
+  const auto sizes = sectionBytes(header.info, header.emitterCount);
+  for (int i = 0; i < kSections; ++i) {
     if (header.sections[i].offset != expected)
       fail("section " + std::to_string(i) + " is misplaced");
     expected += aligned(sizes[i]);
@@ -152,34 +158,35 @@ void readSection(std::span<const std::byte> bytes, const Section& section, std::
 
 void validate(const Tree& tree) {
   checkInfo(tree.info);
-  if (tree.nodes.size() != tree.info.nodeCount ||
-      tree.voxels.size() != 2ull * tree.info.nodeCount ||
+  if (tree.nodes.size() != tree.info.nodeCount || tree.voxels.size() != tree.info.nodeCount ||
       tree.leaves.size() != tree.info.leafCount) {
     fail("the arrays do not have the sizes that the header gives");
   }
   if (tree.levelOffsets != levelsOf(tree.info, tree.nodes)) fail("level offsets disagree");
   checkLeaves(tree);
   checkVoxels(tree);
+  checkEmitters(tree);
 }
 
 std::vector<std::byte> Tree::toBytes() const {
-  const auto sizes = sectionBytes(info);
-  const void* data[3] = {nodes.data(), voxels.data(), leaves.data()};
+  const auto sizes = sectionBytes(info, emitters.size());
+  const void* data[kSections] = {nodes.data(), voxels.data(), leaves.data(), emitters.data()};
   Header header{};
   std::memcpy(header.magic, kMagic, sizeof(kMagic));
   header.version = kVersion;
   header.byteOrder = kByteOrder;
   header.sourceHash = sourceHash;
   header.info = info;
+  header.emitterCount = static_cast<std::uint32_t>(emitters.size());
   header.fileBytes = kAlignment;
-  for (int i = 0; i < 3; ++i) {
+  for (int i = 0; i < kSections; ++i) {
     header.sections[i] = {header.fileBytes, XXH3_64bits(data[i], sizes[i])};
     header.fileBytes += aligned(sizes[i]);
   }
   header.hash = XXH3_64bits(&header, offsetof(Header, hash));
   std::vector<std::byte> bytes(header.fileBytes);
   std::memcpy(bytes.data(), &header, sizeof(header));
-  for (int i = 0; i < 3; ++i) {
+  for (int i = 0; i < kSections; ++i) {
     if (sizes[i] > 0) std::memcpy(bytes.data() + header.sections[i].offset, data[i], sizes[i]);
   }
   return bytes;
@@ -191,13 +198,14 @@ Tree Tree::fromBytes(std::span<const std::byte> bytes) {
   if (std::any_of(gap.begin(), gap.end(), [](std::byte b) { return b != std::byte{}; })) {
     fail("padding behind the header is not zero");
   }
-  const auto sizes = sectionBytes(header.info);
+  const auto sizes = sectionBytes(header.info, header.emitterCount);
   Tree tree;
   tree.info = header.info;
   tree.sourceHash = header.sourceHash;
   readSection(bytes, header.sections[0], sizes[0], tree.nodes);
   readSection(bytes, header.sections[1], sizes[1], tree.voxels);
   readSection(bytes, header.sections[2], sizes[2], tree.leaves);
+  readSection(bytes, header.sections[3], sizes[3], tree.emitters);
   tree.levelOffsets = levelsOf(tree.info, tree.nodes);
   validate(tree);
   return tree;

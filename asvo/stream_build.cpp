@@ -170,7 +170,6 @@ Tree buildFromBlocks(const BlockSource& source, const StreamBuildOptions& option
   if (tree.depth < 0 || tree.depth > static_cast<int>(ASVO_MAX_DEPTH))
     throw std::invalid_argument("asvo: depth must lie in 0.." + std::to_string(ASVO_MAX_DEPTH));
   constexpr std::uint64_t kMostLeaves = 1ull << 28;
-  constexpr std::uint64_t kBytesPerLeaf = sizeof(uvec2) + 4 * sizeof(uvec4);
   std::uint64_t maxLeaves = std::min(tree.maxLeaves, kMostLeaves);
   if (tree.maxBytes > 0) maxLeaves = std::min(maxLeaves, tree.maxBytes / kBytesPerLeaf);
   const auto threads = static_cast<std::uint64_t>(tbb::this_task_arena::max_concurrency());

@@ -51,7 +51,7 @@ class Tracer {
   AsvoInfo info_;
   const uvec2* nodes_;
   const uvec4* voxels_;
-  const uvec4* leaves_;
+  const uvec2* leaves_;
   const uvec4* light_;
 };
 

@@ -176,7 +176,7 @@ void photonStep(PHOTON_INOUT(PhotonPath) path, float countsPerWatt) PHOTON_READS
   path.incoming = direction;
   // A voxel without a plane holds several surfaces, and its mean normal may point behind the one
   // that was met: go back the way the photon came, which is known to be free.
-  bool planar = ASVO_LEAF(hit.voxel - ASVO_INFO.firstLeaf).w != ASVO_NO_PLANE;
+  bool planar = asvoHasPlane(hit.voxel);
   path.leave = planar ? hit.normal : direction * -min(1.0f, hit.t / (kStartOffset * edge));
   path.voxel = hit.voxel;
   path.bounce += 1u;

@@ -17,13 +17,13 @@ layout(set = 0, binding = 3) uniform utextureBuffer cones;
 layout(set = 0, binding = 4) uniform utextureBuffer grid;
 #define ASVO_BRICK(i) texelFetch(bricks, int((i)-push.firstBrick))
 #define ASVO_VOXEL(i) texelFetch(voxels, int(i))
-#define ASVO_LEAF(k) texelFetch(leaves, int(k))
+#define ASVO_LEAF(k) texelFetch(leaves, int(k)).xy
 #define ASVO_CONE(i) texelFetch(cones, int(i))
 #define ASVO_GRID(i) texelFetch(grid, int(i)).x
 #else
 layout(std430, set = 0, binding = 0) readonly buffer BrickBuffer { uvec4 bricks[]; };
 layout(std430, set = 0, binding = 1) readonly buffer VoxelBuffer { uvec4 voxels[]; };
-layout(std430, set = 0, binding = 2) readonly buffer LeafBuffer { uvec4 leaves[]; };
+layout(std430, set = 0, binding = 2) readonly buffer LeafBuffer { uvec2 leaves[]; };
 layout(std430, set = 0, binding = 3) readonly buffer ConeBuffer { uvec4 cones[]; };
 layout(std430, set = 0, binding = 4) readonly buffer GridBuffer { uint grid[]; };
 #define ASVO_BRICK(i) bricks[(i)-push.firstBrick]

@@ -169,11 +169,14 @@ Json sizes(const asvo::Tree& tree) {
   for (std::uint32_t l = 0; l <= tree.info.depth; ++l) {
     const std::uint64_t count = tree.levelOffsets[l + 1] - tree.levelOffsets[l];
     levels.push_back(
-        {{"level", l}, {"voxels", count}, {"bytes", count * (l == tree.info.depth ? 72u : 56u)}});
+        {{"level", l}, {"voxels", count}, {"bytes", count * (l == tree.info.depth ? 48u : 40u)}});
   }
-  // A voxel's words: 6 bytes coverage, 2 material, 3 albedo, 1 plane, 4 normal, 8 emission, 8 area.
-  return {{"leaf_geometry_bytes", 8 + 8 + 6 + 1 + 4 + 8},
-          {"leaf_material_and_light_bytes", 2 + 3 + 8 + 16},
+  // A leaf: mask 8 bytes; of the voxel's words 36 + 2 bits coverage, 26 normal, 8 plane, 16 area;
+  // material 16, albedo 24; light 16 bytes; emission 12 bytes for those that emit.
+  const double emission =
+      12.0 * static_cast<double>(tree.emitters.size()) / static_cast<double>(tree.nodes.size());
+  return {{"leaf_geometry_bytes", 8 + (36 + 2 + 26 + 8 + 16) / 8},
+          {"leaf_material_and_light_bytes", 2 + 3 + 16 + emission},
           {"node_bytes", 8},
           {"levels", levels}};
 }
@@ -255,7 +258,9 @@ Json measure(const AsvoArguments& a) {
            {"depth", tree.info.depth},
            {"voxels", tree.nodes.size()},
            {"leaves", tree.info.leafCount},
-           {"bytes_per_voxel", 56.0 + 16.0 * tree.info.leafCount / nodes},
+           {"bytes_per_voxel", (40.0 * nodes + 8.0 * tree.info.leafCount +
+                                12.0 * static_cast<double>(tree.emitters.size())) /
+                                   nodes},
            {"sizes", sizes(tree)},
            {"build_triangles_per_second", std::round(median(builds))}};
   std::vector<double> embree;

@@ -42,7 +42,8 @@ TrexWriteVdb* openLibrary() {
 class Lit {
  public:
   Lit(const Model& model, std::uint64_t photons)
-      : lights_(model.scene, model.rays->renderOrigin(), model.rays->bounds()),
+      : tree_(*model.voxels),
+        lights_(model.scene, model.rays->renderOrigin(), model.rays->bounds()),
         tracer_(makeCpuTracer(*model.voxels,
                               photonMaterials(model.scene.materials, model.scene.images))),
         cache_(*model.voxels),
@@ -57,13 +58,14 @@ class Lit {
       const asvo::uvec4& light = tracer_->light()[voxel];
       const vec3 arriving =
           t.asvoUnpackRgb9e5(front ? light.x : light.y) * static_cast<float>(pass_.scale());
-      const vec3 sent = t.asvoEmission(voxel, front) + t.asvoAlbedo(voxel) * arriving * kInvPi;
+      const vec3 sent = tree_.emission(voxel, front) + t.asvoAlbedo(voxel) * arriving * kInvPi;
       if (sent.x + sent.y + sent.z > best.x + best.y + best.z) best = sent;
     }
     return best;
   }
 
  private:
+  const asvo::Tree& tree_;
   LightSet lights_;
   std::unique_ptr<GRayTracer> tracer_;
   LightCache cache_;
@@ -71,11 +73,10 @@ class Lit {
 };
 
 /// The largest of the six coverages.
-float coverageOf(const asvo::uvec4& words) {
+float coverageOf(const asvo::Tracer& tracer, const asvo::uvec4& words) {
   std::uint32_t most = 0;
-  for (int shift = 0; shift < 32; shift += 8) most = std::max(most, words.x >> shift & 255u);
-  most = std::max({most, words.y & 255u, words.y >> 8 & 255u});
-  return static_cast<float>(most) / 255.0f;
+  for (std::uint32_t d = 0; d < 6; ++d) most = std::max(most, tracer.asvoCoverage(words, d));
+  return static_cast<float>(most) / 63.0f;
 }
 
 void put(const vec3& v, float (&out)[3]) {
@@ -88,7 +89,7 @@ void collect(const asvo::Tree& tree, const asvo::Tracer& tracer, const Lit& lit,
   if (node >= tree.info.firstLeaf) {
     TrexVdbVoxel& voxel = out.emplace_back();
     for (int axis = 0; axis < 3; ++axis) voxel.place[axis] = place[axis];
-    voxel.coverage = coverageOf(tree.voxels[2ull * node]);
+    voxel.coverage = coverageOf(tracer, tree.voxels[node]);
     put(tracer.asvoAlbedo(node), voxel.albedo);
     put(tracer.asvoNormal(node), voxel.normal);
     put(lit.radiance(node), voxel.radiance);

@@ -59,7 +59,8 @@ Json describe(const asvo::Tree& tree) {
           {"voxels_by_level", levels},
           {"nodes_bytes", tree.nodes.size() * sizeof(tree.nodes[0])},
           {"voxels_bytes", tree.voxels.size() * sizeof(tree.voxels[0])},
-          {"leaves_bytes", tree.leaves.size() * sizeof(tree.leaves[0])}};
+          {"leaves_bytes", tree.leaves.size() * sizeof(tree.leaves[0])},
+          {"emitters_bytes", tree.emitters.size() * sizeof(tree.emitters[0])}};
 }
 
 template <typename Items>

@@ -34,7 +34,7 @@ bool LightCache::irradiance(const vec3& position, const vec3& normal, float radi
   if (voxel == asvo::ASVO_NONE) voxel = tracer_.asvoFindNear(position, normal, level);
   if (voxel == asvo::ASVO_NONE) return false;
   const bool front = glm::dot(tracer_.asvoNormal(voxel), normal) >= 0.0f;
-  if (!(tracer_.asvoArea(voxel, front) > 0.0f)) return false;
+  if (!(tracer_.asvoArea(voxel) > 0.0f)) return false;
   const asvo::uvec4& packed = light_[voxel];
   out = tracer_.asvoUnpackRgb9e5(front ? packed.x : packed.y) * scale_;
   return true;

@@ -33,7 +33,6 @@ using std::sqrt;
 class Photons : public GridTracer {
  public:
   static constexpr uint ASVO_NONE = asvo::ASVO_NONE;
-  static constexpr uint ASVO_NO_PLANE = asvo::ASVO_NO_PLANE;
 
   Photons(const GridTracer& tracer, std::span<const PhotonMaterial> materials,
           std::span<std::uint64_t> direct, std::span<std::uint64_t> indirect)
@@ -45,14 +44,12 @@ class Photons : public GridTracer {
   }
 
 #define ASVO_INFO info_
-#define ASVO_LEAF(k) leaves_[k]
 #define PHOTON_MATERIAL(i) materials_[i]
 #define PHOTON_MATERIAL_COUNT static_cast<uint>(materials_.size())
 #define PHOTON_ADD_DIRECT(i, lo, hi) add(direct_[i], lo, hi)
 #define PHOTON_ADD_INDIRECT(i, lo, hi) add(indirect_[i], lo, hi)
 #include "shaders/photon.h"
 #undef ASVO_INFO
-#undef ASVO_LEAF
 #undef PHOTON_MATERIAL
 #undef PHOTON_MATERIAL_COUNT
 #undef PHOTON_ADD_DIRECT

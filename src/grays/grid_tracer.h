@@ -15,8 +15,8 @@ namespace trace {
 using asvo::ASVO_GRID_EMPTY;
 using asvo::ASVO_MAX_DEPTH;
 using asvo::ASVO_MAX_GRID_LEVEL;
-using asvo::ASVO_NO_PLANE;
 using asvo::ASVO_NONE;
+using asvo::ASVO_PLANE_STEP;
 using asvo::AsvoInfo;
 using asvo::ivec3;
 using asvo::uint;
@@ -78,7 +78,7 @@ class GridTracer {
   uint gridLevel_, firstBrick_;
   const uvec2* nodes_;
   const uvec4* voxels_;
-  const uvec4* leaves_;
+  const uvec2* leaves_;
   const std::uint32_t* grid_;
   const uvec4* bricks_;
   const uvec4* light_;

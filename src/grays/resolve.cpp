@@ -103,7 +103,7 @@ struct LightResolver::Work {
     for (int side = 0; side < 2; ++side) {
       s.indirect[side] = flux(indirect_, leaf, side);
       s.total[side] = flux(direct_, leaf, side) + s.indirect[side];
-      s.area[side] = tracer_.asvoArea(node, side == 0);
+      s.area[side] = tree_.leafArea(node);
     }
     return s;
   }

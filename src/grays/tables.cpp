@@ -146,10 +146,10 @@ void ConeTable::refresh(std::span<const asvo::uvec4> light,
   const bool shaped = !words_.empty();
   words_.resize(tree_.nodes.size());
   forNodes(words_.size(), [&](std::size_t i) {
-    const asvo::uvec4 voxel = tree_.voxels[2 * i];
+    const asvo::uvec4 voxel = tree_.voxels[i];
     if (!shaped) words_[i] = asvo::uvec4(packer().asvoConeShape(voxel), 0u, 0u);
     glm::vec3 reflectance = packer().asvoUnpackAlbedo(voxel.z);
-    const std::uint32_t material = voxel.y >> 16;
+    const std::uint32_t material = voxel.w & 65535u;
     if (material < materials.size()) {
       const shaderio::PhotonMaterial& m = materials[material];
       reflectance += m.metallic * packer().asvoUnpackAlbedo(m.baseColor);

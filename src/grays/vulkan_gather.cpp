@@ -56,7 +56,7 @@ TreeBuffers::TreeBuffers(vulkan::Device& device, const asvo::Tree& tree, bool st
 
 std::vector<std::uint32_t> TreeBuffers::texelWords() const {
   if (!texels) return {};
-  return {4, 4, 4, 4, 1};
+  return {4, 4, 2, 4, 1};
 }
 
 std::uint32_t workgroupSize(const vulkan::Device& device) {

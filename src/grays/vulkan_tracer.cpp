@@ -20,7 +20,7 @@ void requireRoom(const vulkan::Device& device, const asvo::Tree& tree) {
   const std::uint64_t nodes = tree.nodes.size(), leaves = tree.leaves.size();
   const std::uint64_t sums = leaves * kWordsPerLeaf * 4;
   const std::uint64_t range = device.info().maxStorageBufferRange;
-  const std::uint64_t largest = std::max(sums, nodes * 32);
+  const std::uint64_t largest = std::max(sums, nodes * sizeof(asvo::uvec4));
   if (largest > range) {
     fail(ExitCode::kMemoryOrDevice,
          "a voxel tree of {} leaves needs a storage buffer of {} bytes but {} offers at most {}: "
@@ -29,7 +29,7 @@ void requireRoom(const vulkan::Device& device, const asvo::Tree& tree) {
   }
   const std::uint64_t grid = leaves > 0 ? std::uint64_t{8} << (3 * photonGridLevel(tree.info)) : 0;
   const std::uint64_t bricks = leaves > 0 ? brickCount(tree) : 0;
-  const std::uint64_t need = nodes * (32 + 16) + (bricks + leaves) * 16 + 2 * sums + grid;
+  const std::uint64_t need = (2 * nodes + bricks) * 16 + leaves * 8 + 2 * sums + grid;
   if (need > device.maxBytes()) {
     fail(ExitCode::kMemoryOrDevice,
          "a voxel tree of {} leaves needs {} bytes but {} are allowed on {}: raise "

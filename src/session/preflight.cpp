@@ -19,7 +19,7 @@ namespace {
 constexpr std::uint64_t kBuildBytesATriangle = 48;  // of clusters, beside the source
 constexpr std::uint64_t kMeshBytesATriangle = 12;   // clusters and their hierarchy
 constexpr std::uint64_t kPlacedBytes = 24;          // a placed triangle while voxels are built
-constexpr std::uint64_t kVoxelCopies = 4;           // built; kept, on the device, flux and light
+constexpr std::uint64_t kVoxelCopies = 6;           // built; kept, on the device, flux and light
 constexpr std::uint64_t kFewestVoxelBytes = 4u << 20;
 constexpr std::uint64_t kDeviceBytes = 96u << 20;  // driver, compiled shaders, batches of cones
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "asvo/tracer.h"
 #include "src/session/voxel_source.h"
 
 namespace trex {
@@ -34,16 +33,6 @@ vec3 movedAlbedo(const vec3& albedo, const Material& before, const Material& now
   return voxelAlbedo(now, vec3(now.baseColor) * tint);
 }
 
-vec3 movedEmission(const vec3& emission, const Material& before, const Material& now,
-                   const vec3& meanTexture) {
-  vec3 out;
-  for (int c = 0; c < 3; ++c) {
-    out[c] = before.emission[c] > 0.0f ? emission[c] * (now.emission[c] / before.emission[c])
-                                       : now.emission[c] * meanTexture[c];
-  }
-  return out;
-}
-
 }  // namespace
 
 VoxelValues::VoxelValues(std::shared_ptr<asvo::Tree> tree, std::vector<Material> materials)
@@ -52,7 +41,7 @@ VoxelValues::VoxelValues(std::shared_ptr<asvo::Tree> tree, std::vector<Material>
 void VoxelValues::index() {
   const std::size_t count = tree_->nodes.size(), materials = built_.size();
   const auto materialOf = [&](std::size_t i) {
-    return std::min<std::size_t>(source_[2 * i].y >> 16, materials - 1);
+    return std::min<std::size_t>(source_[i].w & 65535u, materials - 1);
   };
   firsts_.assign(materials + 1, 0);
   for (std::size_t i = 0; i < count; ++i) ++firsts_[materialOf(i) + 1];
@@ -78,24 +67,14 @@ void VoxelValues::update(const std::vector<Material>& materials, const std::vect
 
 void VoxelValues::put(std::uint32_t material, const Material& now,
                       const std::vector<Image>& images) {
-  const asvo::Tracer tracer(*tree_);
   const Material& before = built_[material];
   const vec3 texture = meanColor(images, before.baseColorTexture);
-  const vec3 glow = meanColor(images, before.emissiveTexture);
   for (std::uint32_t k = firsts_[material]; k < firsts_[material + 1]; ++k) {
-    const std::size_t i = std::size_t{order_[k]} * 2;
-    asvo::uvec4 &surface = tree_->voxels[i], &light = tree_->voxels[i + 1];
-    surface = source_[i];
-    light = source_[i + 1];
+    asvo::uvec4& voxel = tree_->voxels[order_[k]];
+    voxel = source_[order_[k]];
     if (now == before) continue;
-    const vec3 albedo = movedAlbedo(unpackColor(surface.z), before, now, texture);
-    surface.z = (surface.z & 0xff000000u) | packColor(albedo);
-    vec3 front = movedEmission(tracer.asvoUnpackRgb9e5(light.x), before, now, glow);
-    vec3 back = before.emits() ? movedEmission(tracer.asvoUnpackRgb9e5(light.y), before, now, glow)
-                               : vec3(0.0f);
-    if (now.doubleSided) front = back = glm::max(front, back);
-    light.x = tracer.asvoPackRgb9e5(front);
-    light.y = tracer.asvoPackRgb9e5(back);
+    const vec3 albedo = movedAlbedo(unpackColor(voxel.z), before, now, texture);
+    voxel.z = (voxel.z & 0xff000000u) | packColor(albedo);
   }
 }
 

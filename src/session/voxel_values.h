@@ -10,7 +10,7 @@
 
 namespace trex {
 
-/// Voxels of one tree whose albedo and emission follow edited materials. A voxel follows the
+/// Voxels of one tree whose albedo follows edited materials. A voxel follows the
 /// material that covers most of it, so where several meet the result is an approximation; it
 /// depends on the tree and the materials alone, never on the edits before.
 class VoxelValues {

@@ -64,7 +64,7 @@ vec3 voxelView(const asvo::Tree& tree, const vec3& origin, const vec3& direction
     const std::uint32_t voxel = tracer.asvoFind(at, depth);
     outside |= voxel == asvo::ASVO_NONE;
     if (voxel != asvo::ASVO_NONE && outside) {
-      const std::uint32_t c = tree.voxels[2 * std::size_t{voxel}].z;
+      const std::uint32_t c = tree.voxels[voxel].z;
       const vec3 albedo(static_cast<float>(c & 255u), static_cast<float>((c >> 8) & 255u),
                         static_cast<float>((c >> 16) & 255u));
       const float shade = 0.35f + 0.65f * std::abs(direction[axis]) / glm::length(direction);

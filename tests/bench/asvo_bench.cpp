@@ -43,11 +43,11 @@ void printBuild(const char* name, const Shape& shape, int depth, bool last) {
   const double leaves = static_cast<double>(tree.leaves.size());
   std::printf(
       "    {\"scene\": \"%s\", \"triangles\": %zu, \"depth\": %u, \"voxels\": %zu, "
-      "\"leaves\": %zu,\n     \"bytes_per_voxel\": {\"nodes\": 8, \"voxels\": 32, "
+      "\"leaves\": %zu,\n     \"bytes_per_voxel\": {\"nodes\": 8, \"voxels\": 16, "
       "\"leaves\": %.2f, \"light\": 16, \"total\": %.2f},\n     \"build_seconds\": %.4f, "
       "\"build_triangles_per_second\": %.0f}%s\n",
       name, shape.triangles.size(), tree.info.depth, tree.nodes.size(), tree.leaves.size(),
-      16.0 * leaves / nodes, 56.0 + 16.0 * leaves / nodes, seconds,
+      8.0 * leaves / nodes, 40.0 + 8.0 * leaves / nodes, seconds,
       static_cast<double>(shape.triangles.size()) / seconds, last ? "" : ",");
 }
 

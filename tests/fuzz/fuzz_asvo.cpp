@@ -15,7 +15,7 @@ namespace {
 using trex::fuzz::require;
 
 /// Offsets in the file, from FORMAT.md.
-constexpr std::size_t kInfo = 32, kSections = 64, kReserved = 112, kHash = 120, kHeader = 128;
+constexpr std::size_t kInfo = 32, kSections = 64, kEmitters = 128, kHash = 136, kHeader = 144;
 
 template <typename T>
 T read(const std::uint8_t* data) {
@@ -49,19 +49,20 @@ void trace(const asvo::Tree& tree) {
 std::pair<std::size_t, std::size_t> section(const std::uint8_t* data, std::size_t size, int i) {
   const std::uint64_t nodes = read<std::uint32_t>(data + kInfo + 20);
   const std::uint64_t leaves = read<std::uint32_t>(data + kInfo + 28);
-  const std::uint64_t lengths[3] = {nodes * 8, nodes * 32, leaves * 16};
+  const std::uint64_t emitters = read<std::uint32_t>(data + kEmitters);
+  const std::uint64_t lengths[4] = {nodes * 8, nodes * 16, leaves * 8, emitters * 12};
   const std::uint64_t at =
       std::min<std::uint64_t>(read<std::uint64_t>(data + kSections + 16 * i), size);
   return {at, std::min<std::uint64_t>(lengths[i], size - at)};
 }
 
 void repair(std::uint8_t* data, std::size_t size) {
-  for (int i = 0; i < 3; ++i) {
+  for (int i = 0; i < 4; ++i) {
     const auto [at, length] = section(data, size, i);
     write(data + kSections + 16 * i + 8, XXH3_64bits(data + at, length));
   }
   write(data + 16, size);
-  write(data + kReserved, 0);
+  std::memset(data + kEmitters + 4, 0, 4);
   write(data + kHash, XXH3_64bits(data, kHash));
 }
 
@@ -84,7 +85,7 @@ std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t size, std::s
   if (which == 15) size = LLVMFuzzerMutate(data, size, maxSize);
   if (size < kHeader) return size;
   std::pair<std::size_t, std::size_t> part{kInfo, 32};
-  if (which < 14) part = section(data, size, which % 3);
+  if (which < 12) part = section(data, size, which % 4);
   if (which < 15 && part.second > 0) {
     const std::size_t skip = random() % part.second;
     const std::size_t count = std::min<std::size_t>(part.second - skip, 1 + random() % 32);

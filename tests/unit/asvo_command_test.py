@@ -28,7 +28,9 @@ class AsvoCommandTest(unittest.TestCase):
         with open(path) as file:
             document = json.load(file)
         self.assertGreater(document["voxels"], 1000)
-        self.assertGreater(document["bytes_per_voxel"], 56)
+        self.assertGreater(document["bytes_per_voxel"], 40)
+        self.assertLessEqual(document["leaf_geometry_bytes"], 20)
+        self.assertLessEqual(document["leaf_material_and_light_bytes"], 28)
         self.assertGreater(document["build_triangles_per_second"], 0)
         self.assertGreater(document["cones_per_second"]["depth_5"]["0.3"], 0)
         self.assertGreater(document["embree_rays_per_second"], 0)

@@ -159,7 +159,7 @@ TEST(AsvoTrace, PlaneHitsAreWithinASubVoxel) {
     const auto exact = exactHit(shape, origin, direction);
     const double error = std::abs(static_cast<double>(hit.t) - *exact) *
                          static_cast<double>(std::abs(glm::dot(direction, hit.normal)) / subVoxel);
-    const bool hasPlane = tree.leaves[hit.voxel - tree.info.firstLeaf].w != asvo::ASVO_NO_PLANE;
+    const bool hasPlane = tracer.asvoHasPlane(hit.voxel);
     wrong += error > (hasPlane ? 1.0 : 4.0);
     (hasPlane ? planar : blocky) += 1;
     if (hasPlane) sum += std::min(error, 1.0);
