@@ -10,6 +10,7 @@
 #include <atomic>
 #include <bit>
 #include <cmath>
+#include <optional>
 #include <string>
 
 #include "asvo/build_parts.h"
@@ -17,7 +18,10 @@
 namespace asvo {
 namespace {
 
-constexpr int kBucketLevel = 3;
+constexpr int kBucketLevel = 3, kFineBucketLevel = 4;
+/// Triangles from which on buckets are finer, so that they need not be split again; and to which,
+/// since each chunk of the source has a list for each bucket.
+constexpr std::uint64_t kFineFrom = 500'000, kFineTo = 32'000'000;
 /// Triangles prepared at a time in a task; a bucket with more is split first.
 constexpr std::size_t kMaxPrepared = 8192;
 
@@ -66,12 +70,6 @@ Grid makeGrid(const TriangleSource& source, const BuildOptions& options, int dep
 /// edge that it shares with others.
 constexpr double kSliver = 1e-6;
 
-/// Triangle i on the grid; false if it is to be ignored: not finite, or a sliver.
-bool load(const TriangleSource& source, std::uint64_t i, Triangle& triangle) {
-  source.get(i, triangle);
-  return isBuildable(triangle);
-}
-
 }  // namespace
 
 bool isBuildable(const Triangle& triangle) {
@@ -96,31 +94,46 @@ Grid gridAround(const glm::dvec3& lower, const glm::dvec3& upper, int depth) {
 
 namespace {
 
-/// Calls visit(octant) for the children of the cell at p (edge 2 * half) that the triangle touches;
-/// most small triangles are decided by their bounds.
-template <typename Visit>
-void forChildren(const Triangle& triangle, const Grid& grid, const glm::vec3& p, float half,
-                 const Visit& visit) {
-  const double scale = grid.scale(), tolerance = 2.0 * grid.tolerance();
-  glm::dvec3 lower(1e300), upper(-1e300);
-  for (const glm::vec3& q : triangle.position) {
-    const glm::dvec3 g = (glm::dvec3(q) - grid.lower) * scale;
-    lower = glm::min(lower, g);
-    upper = glm::max(upper, g);
+std::uint32_t mortonOf(const glm::uvec3& cell, int levels) {
+  std::uint32_t key = 0;
+  for (int l = 0; l < levels; ++l) {
+    const glm::uvec3 bit = cell >> static_cast<std::uint32_t>(l) & 1u;
+    key |= (bit.x | bit.y << 1 | bit.z << 2) << (3 * l);
   }
-  std::uint32_t possible = 0xffu;
-  constexpr std::uint32_t kUpperHalf[3] = {0xaau, 0xccu, 0xf0u};
-  for (int axis = 0; axis < 3; ++axis) {
-    const double middle = static_cast<double>(p[axis]) + half;
-    if (upper[axis] < middle - tolerance) possible &= ~kUpperHalf[axis];
-    if (lower[axis] > middle + tolerance) possible &= kUpperHalf[axis];
-  }
-  if (!std::has_single_bit(possible)) {
-    const GridTriangle gridTriangle(triangle, grid);
-    possible &= gridTriangle.box.children(p, half, TriangleBox::kAllGroups);
-  }
-  for (; possible != 0; possible &= possible - 1) visit(std::countr_zero(possible));
+  return key;
 }
+
+/// A triangle that is handed down through cells. Most small ones are decided by their bounds.
+class Spread {
+ public:
+  Spread(const Triangle& triangle, const Grid& grid) : triangle_(triangle), grid_(grid) {
+    boundsOf(triangle, grid, lower_, upper_);
+  }
+  /// The octants of the cell at p (edge 2 * half) that it touches.
+  std::uint32_t octants(const glm::vec3& p, float half) {
+    const std::uint32_t possible = octantsOf(lower_, upper_, p + half);
+    if (std::has_single_bit(possible)) return possible;
+    if (!exact_) exact_.emplace(triangle_, grid_);
+    return possible & exact_->box->children(p, half, TriangleBox::kAllGroups);
+  }
+
+  /// Whether its bounds lie in one cell of a level; then its Morton code.
+  bool inOneCell(int level, std::uint32_t& key) const {
+    const auto cells = static_cast<float>(1u << level);
+    const float inverse = cells / static_cast<float>(grid_.cells());
+    const glm::vec3 low = glm::floor(lower_ * inverse);
+    if (low != glm::floor(upper_ * inverse)) return false;
+    if (low != glm::clamp(low, 0.0f, cells - 1.0f)) return false;
+    key = mortonOf(glm::uvec3(low), level);
+    return true;
+  }
+
+ private:
+  const Triangle& triangle_;
+  const Grid& grid_;
+  glm::vec3 lower_, upper_;
+  std::optional<GridTriangle> exact_;
+};
 
 glm::vec3 childCorner(const glm::vec3& p, float half, int octant) {
   return p + half * glm::vec3(octant & 1, octant >> 1 & 1, octant >> 2);
@@ -151,8 +164,11 @@ class SubTree {
       std::vector<std::uint32_t> lists[8];
       Triangle triangle;
       for (const std::uint32_t i : list) {
-        if (!load(source_, i, triangle)) continue;
-        forChildren(triangle, grid_, p, half, [&](int octant) { lists[octant].push_back(i); });
+        source_.get(i, triangle);
+        std::uint32_t octants = Spread(triangle, grid_).octants(p, half);
+        for (; octants != 0; octants &= octants - 1) {
+          lists[std::countr_zero(octants)].push_back(i);
+        }
       }
       list = {};
       for (int octant = 0; octant < 8; ++octant) {
@@ -172,7 +188,7 @@ class SubTree {
     leafBuilder_.start(p);
     Triangle triangle;
     for (const std::uint32_t i : list) {
-      if (!load(source_, i, triangle)) continue;
+      source_.get(i, triangle);
       leafBuilder_.add(GridTriangle(triangle, grid_), TriangleBox::kAllGroups);
     }
     leafBuilder_.finish(key, leaves_);
@@ -184,7 +200,7 @@ class SubTree {
     triangles_.reserve(list.size());
     Triangle triangle;
     for (const std::uint32_t i : list) {
-      if (!load(source_, i, triangle)) continue;
+      source_.get(i, triangle);
       entries_.push_back({static_cast<std::uint32_t>(triangles_.size()), TriangleBox::kAllGroups});
       triangles_.emplace_back(triangle, grid_);
     }
@@ -206,10 +222,15 @@ class SubTree {
     std::uint32_t all = 0;
     for (std::size_t i = first; i < last; ++i) {
       ListEntry& entry = entries_[i];
-      const TriangleBox& box = triangles_[entry.triangle].box;
-      entry.groups = static_cast<std::uint8_t>(box.undecided(p, 2.0f * half, entry.groups));
-      entry.children = static_cast<std::uint8_t>(box.children(p, half, entry.groups));
-      all |= entry.children;
+      const GridTriangle& triangle = triangles_[entry.triangle];
+      std::uint32_t octants = octantsOf(triangle.lower, triangle.upper, p + half);
+      if (!std::has_single_bit(octants)) {
+        const TriangleBox& box = *triangle.box;
+        entry.groups = static_cast<std::uint8_t>(box.undecided(p, 2.0f * half, entry.groups));
+        octants &= box.children(p, half, entry.groups);
+      }
+      entry.children = static_cast<std::uint8_t>(octants);
+      all |= octants;
     }
     for (; all != 0; all &= all - 1) {
       const int octant = std::countr_zero(all);
@@ -235,16 +256,20 @@ class SubTree {
 /// Triangles by bucket (Morton code at the bucket level), each list in the order of the source.
 using Buckets = std::vector<std::vector<std::uint32_t>>;
 
-void spread(const Triangle& triangle, std::uint32_t i, const Grid& grid, int levels,
-            const glm::vec3& p, float edge, std::uint32_t key, Buckets& buckets) {
+/// Hands a triangle down to the buckets `levels` below the cell at p.
+void spread(Spread& triangle, std::uint32_t i, int levels, const glm::vec3& p, float edge,
+            std::uint32_t key, Buckets& buckets) {
   if (levels == 0) {
     buckets[key].push_back(i);
     return;
   }
-  forChildren(triangle, grid, p, 0.5f * edge, [&](int octant) {
-    spread(triangle, i, grid, levels - 1, childCorner(p, 0.5f * edge, octant), 0.5f * edge,
+  const float half = 0.5f * edge;
+  std::uint32_t octants = triangle.octants(p, half);
+  for (; octants != 0; octants &= octants - 1) {
+    const int octant = std::countr_zero(octants);
+    spread(triangle, i, levels - 1, childCorner(p, half, octant), half,
            key << 3 | static_cast<std::uint32_t>(octant), buckets);
-  });
+  }
 }
 
 Buckets fillBuckets(const TriangleSource& source, const Grid& grid, int level) {
@@ -257,8 +282,15 @@ Buckets fillBuckets(const TriangleSource& source, const Grid& grid, int level) {
     const std::uint64_t end = std::min(count, (part + 1) * kChunk);
     Triangle triangle;
     for (std::uint64_t i = part * kChunk; i < end; ++i) {
-      if (!load(source, i, triangle)) continue;
-      spread(triangle, static_cast<std::uint32_t>(i), grid, level, glm::vec3(0.0f),
+      source.get(i, triangle);
+      if (!isBuildable(triangle)) continue;
+      Spread handed(triangle, grid);
+      std::uint32_t key = 0;
+      if (handed.inOneCell(level, key)) {
+        parts[part][key].push_back(static_cast<std::uint32_t>(i));
+        continue;
+      }
+      spread(handed, static_cast<std::uint32_t>(i), level, glm::vec3(0.0f),
              static_cast<float>(grid.cells()), 0, parts[part]);
     }
   });
@@ -287,7 +319,8 @@ glm::vec3 cornerOfMorton(std::uint32_t key, int levels, float edge) {
 /// All leaves, by bucket; false if there are more than maxLeaves.
 bool buildLeaves(const TriangleSource& source, const Grid& grid, std::uint64_t maxLeaves,
                  std::vector<LeafList>& lists) {
-  const int level = std::min(kBucketLevel, grid.depth);
+  const bool fine = source.count() >= kFineFrom && source.count() <= kFineTo;
+  const int level = std::min(fine ? kFineBucketLevel : kBucketLevel, grid.depth);
   Buckets buckets = fillBuckets(source, grid, level);
   lists.assign(buckets.size(), {});
   std::atomic<std::uint64_t> total{0};
@@ -335,6 +368,15 @@ LeafList buildSubTree(const TriangleSource& source, const Grid& grid, std::uint6
   SubTree subTree(source, grid, maxLeaves);
   subTree.build(level, p, key, std::move(list));
   return subTree.take();
+}
+
+void boundsOf(const Triangle& triangle, const Grid& grid, glm::vec3& lower, glm::vec3& upper) {
+  const glm::vec3* p = triangle.position;
+  const glm::dvec3 low(glm::min(p[0], glm::min(p[1], p[2])));
+  const glm::dvec3 high(glm::max(p[0], glm::max(p[1], p[2])));
+  const double scale = grid.scale(), margin = 2.0 * grid.tolerance();
+  lower = glm::vec3((low - grid.lower) * scale - margin);
+  upper = glm::vec3((high - grid.lower) * scale + margin);
 }
 
 Tree assemble(std::vector<LeafList>& lists, const Grid& grid) {
@@ -431,10 +473,11 @@ GridTriangle::GridTriangle(const Triangle& triangle, const Grid& grid)
              (glm::dvec3(triangle.position[1]) - grid.lower) * grid.scale(),
              (glm::dvec3(triangle.position[2]) - grid.lower) * grid.scale()},
       normal(glm::cross(vertex[1] - vertex[0], vertex[2] - vertex[0])),
-      flatAxis(-1),
-      box(vertex, normal, grid.tolerance()) {
+      flatAxis(-1) {
+  boundsOf(triangle, grid, lower, upper);
   const double length = glm::length(normal);
   normal = length > 0.0 ? normal / length : glm::dvec3(0.0, 0.0, 1.0);
+  if (glm::floor(lower) != glm::floor(upper)) box.emplace(vertex, normal, grid.tolerance());
   for (int axis = 0; axis < 3; ++axis) {
     const double a = vertex[0][axis], b = vertex[1][axis], c = vertex[2][axis];
     const double thickness = std::max(a, std::max(b, c)) - std::min(a, std::min(b, c));

@@ -14,13 +14,22 @@ constexpr std::size_t kMaxPieces = 4096;
 /// its albedo and normal if nothing else does.
 constexpr float kTrifle = 1e-20f;
 
-/// The part of a triangle inside the box around `centre`, of half edge `half` on each axis.
-Polygon clipTriangle(const GridTriangle& triangle, const glm::dvec3& centre,
-                     const glm::vec3& half) {
+/// A triangle around `centre`.
+Polygon placed(const GridTriangle& triangle, const glm::dvec3& centre) {
   Polygon polygon;
   polygon.count = 3;
   for (int i = 0; i < 3; ++i) polygon.corner[i] = glm::vec3(triangle.vertex[i] - centre);
-  clipToBox(polygon, half);
+  return polygon;
+}
+
+/// Its part inside the box of half edge `half` on each axis.
+Polygon clipTriangle(const GridTriangle& triangle, const glm::dvec3& centre,
+                     const glm::vec3& half) {
+  Polygon polygon = placed(triangle, centre);
+  const glm::vec3 middle(centre);
+  constexpr float kHalf = 0.5f * kSubVoxels;
+  clipToBox(polygon, half, glm::lessThan(triangle.lower, middle - kHalf),
+            glm::greaterThan(triangle.upper, middle + kHalf));
   return polygon;
 }
 
@@ -29,7 +38,14 @@ glm::vec3 sane(const glm::vec3& v, float limit) {
   return {one(v.x), one(v.y), one(v.z)};
 }
 
-/// Shade at a point on the grid, by its weights in the triangle.
+Shade shadeAt(const TriangleSource& source, const GridTriangle& triangle, double u, double v) {
+  Shade shade = source.shade(triangle.source, static_cast<float>(u), static_cast<float>(v));
+  shade.albedo = sane(shade.albedo, 1.0f);
+  shade.emission = sane(shade.emission, 1e30f);
+  return shade;
+}
+
+/// At a point on the grid, by its weights in the triangle.
 Shade shadeAt(const TriangleSource& source, const GridTriangle& triangle, const glm::dvec3& point) {
   const glm::dvec3 e1 = triangle.vertex[1] - triangle.vertex[0];
   const glm::dvec3 e2 = triangle.vertex[2] - triangle.vertex[0];
@@ -42,10 +58,7 @@ Shade shadeAt(const TriangleSource& source, const GridTriangle& triangle, const 
     u = std::clamp((d22 * p1 - d12 * p2) / determinant, 0.0, 1.0);
     v = std::clamp((d11 * p2 - d12 * p1) / determinant, 0.0, 1.0 - u);
   }
-  Shade shade = source.shade(triangle.source, static_cast<float>(u), static_cast<float>(v));
-  shade.albedo = sane(shade.albedo, 1.0f);
-  shade.emission = sane(shade.emission, 1e30f);
-  return shade;
+  return shadeAt(source, triangle, u, v);
 }
 
 /// Area-weighted normal, pointing to the side that has more faces.
@@ -131,12 +144,25 @@ void LeafBuilder::start(const glm::vec3& p) {
   moments_ = {};
 }
 
+/// Sub-voxels of the leaf that a triangle touches.
+std::uint64_t LeafBuilder::touchedBy(const GridTriangle& triangle, GroupMask groups) const {
+  if (triangle.tiny()) {
+    const glm::ivec3 at(glm::floor(triangle.lower) - corner_);
+    if (glm::any(glm::greaterThan(glm::uvec3(at), glm::uvec3(3u)))) return 0;
+    return std::uint64_t{1} << (at.x + 4 * at.y + 16 * at.z);
+  }
+  const std::uint32_t octants = octantsOf(triangle.lower, triangle.upper, corner_ + 2.0f);
+  return triangle.box->subVoxels(corner_, octants, groups);
+}
+
 void LeafBuilder::add(const GridTriangle& triangle, GroupMask groups) {
   constexpr float kHalf = 0.5f * kSubVoxels;
   constexpr float kFace = kSubVoxels * kSubVoxels;
-  const std::uint64_t bits = triangle.box.subVoxels(corner_, groups);
+  const std::uint64_t bits = touchedBy(triangle, groups);
   if (bits == 0) return;
   mask_ |= bits;
+  const bool inside = glm::all(glm::lessThanEqual(corner_, triangle.lower)) &&
+                      glm::all(glm::lessThanEqual(triangle.upper, corner_ + 2.0f * kHalf));
   const glm::dvec3 centre = glm::dvec3(corner_) + 0.5 * kSubVoxels;
   const float tolerance = static_cast<float>(grid_.tolerance());
   glm::vec3 half(kHalf);
@@ -150,7 +176,7 @@ void LeafBuilder::add(const GridTriangle& triangle, GroupMask groups) {
     half[axis] += 2.0f * tolerance;
     if (shared && !edge) share = 0.5f;
   }
-  Polygon polygon = clipTriangle(triangle, centre, half);
+  Polygon polygon = inside ? placed(triangle, centre) : clipTriangle(triangle, centre, half);
   Piece piece;
   piece.normal = glm::vec3(triangle.normal);
   Moments moments = momentsOf(polygon, piece.normal);
@@ -163,9 +189,10 @@ void LeafBuilder::add(const GridTriangle& triangle, GroupMask groups) {
   moments_.add(moments, share);
   piece.weight = moments.area * share * (1.0f / kFace) + kTrifle;
   piece.material = std::min(triangle.source.material, 65535u);
-  piece.shade = shadeAt(source_, triangle, centre + glm::dvec3(centroid));
+  piece.shade = inside ? shadeAt(source_, triangle, 1.0 / 3.0, 1.0 / 3.0)
+                       : shadeAt(source_, triangle, centre + glm::dvec3(centroid));
   pieces_.push_back(piece);
-  corners_.insert(corners_.end(), polygon.corner.begin(), polygon.corner.begin() + polygon.count);
+  corners_.insert(corners_.end(), polygon.corner, polygon.corner + polygon.count);
   if (pieces_.size() >= kMaxPieces) mergePieces();
 }
 

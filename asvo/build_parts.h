@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -30,14 +31,20 @@ struct Grid {
   double tolerance() const { return cells() * 1e-6; }
 };
 
+/// Bounds of a triangle on the grid, wider than the tolerance of all tests.
+void boundsOf(const Triangle& triangle, const Grid& grid, glm::vec3& lower, glm::vec3& upper);
+
 /// A triangle on the grid with all that its leaves need.
 struct GridTriangle {
   GridTriangle(const Triangle& triangle, const Grid& grid);
   Triangle source;
-  glm::dvec3 vertex[3];  ///< sub-voxels
-  glm::dvec3 normal;     ///< unit; zero if the triangle has no area
-  int flatAxis;          ///< axis along which it is thinner than the tolerance, or -1
-  TriangleBox box;
+  glm::dvec3 vertex[3];    ///< sub-voxels
+  glm::dvec3 normal;       ///< unit; zero if the triangle has no area
+  glm::vec3 lower, upper;  ///< bounds, wider than any test's tolerance
+  int flatAxis;            ///< axis along which it is thinner than the tolerance, or -1
+  /// Whether its bounds lie in one sub-voxel, so that no test is ever needed.
+  bool tiny() const { return !box; }
+  std::optional<TriangleBox> box;
 };
 
 /// What filtering needs of a voxel beside its words.
@@ -82,6 +89,7 @@ class LeafBuilder {
   };
 
  private:
+  std::uint64_t touchedBy(const GridTriangle& triangle, GroupMask groups) const;
   void mergePieces();
   std::uint32_t dominantMaterial();
   std::uint32_t planeByte(const glm::vec3& normal) const;
@@ -102,8 +110,8 @@ class LeafBuilder {
 Grid gridAround(const glm::dvec3& lower, const glm::dvec3& upper, int depth);
 
 /// The leaves below the cell of a level with lower corner p (sub-voxels) and Morton code `key`,
-/// from the triangles of a list; in excess of maxLeaves it may stop. The order of the list decides
-/// bits.
+/// from the triangles of a list, all of them buildable; in excess of maxLeaves it may stop. The
+/// order of the list decides bits.
 LeafList buildSubTree(const TriangleSource& source, const Grid& grid, std::uint64_t maxLeaves,
                       int level, const glm::vec3& p, std::uint64_t key,
                       std::vector<std::uint32_t> list);

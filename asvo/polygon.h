@@ -2,7 +2,6 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <glm/glm.hpp>
 
 namespace asvo {
@@ -10,15 +9,25 @@ namespace asvo {
 /// A triangle or quadrangle cut by six planes has at most ten corners.
 inline constexpr int kMaxCorners = 12;
 
-/// A convex polygon, relative to the centre of a cell.
+/// A convex polygon, relative to the centre of a cell. Corners from `count` on have no value: to
+/// give them one would cost as much as clipping.
 struct Polygon {
-  std::array<glm::vec3, kMaxCorners> corner;
+  Polygon() {}
+  Polygon(const Polygon& other) { *this = other; }
+  Polygon& operator=(const Polygon& other) {
+    count = other.count;
+    std::copy(other.corner, other.corner + count, corner);
+    return *this;
+  }
+  union {
+    glm::vec3 corner[kMaxCorners];
+  };
   int count = 0;
 };
 
 /// Keeps the part with sign * x[axis] <= bound [Sutherland and Hodgman 1974].
 inline void clip(Polygon& polygon, int axis, float sign, float bound) {
-  std::array<float, kMaxCorners> inside;
+  float inside[kMaxCorners];
   bool any = false, all = true;
   for (int i = 0; i < polygon.count; ++i) {
     inside[i] = bound - sign * polygon.corner[i][axis];
@@ -46,11 +55,14 @@ inline void clip(Polygon& polygon, int axis, float sign, float bound) {
   polygon = out;
 }
 
-/// Keeps the part inside the box around the centre, of half edge `half` on each axis.
-inline void clipToBox(Polygon& polygon, const glm::vec3& half) {
+/// Keeps the part inside the box around the centre, of half edge `half` on each axis. `below`,
+/// `above`: whether it may reach beyond the lower and upper faces.
+inline void clipToBox(Polygon& polygon, const glm::vec3& half,
+                      const glm::bvec3& below = glm::bvec3(true),
+                      const glm::bvec3& above = glm::bvec3(true)) {
   for (int axis = 0; axis < 3 && polygon.count > 0; ++axis) {
-    clip(polygon, axis, 1.0f, half[axis]);
-    clip(polygon, axis, -1.0f, half[axis]);
+    if (above[axis]) clip(polygon, axis, 1.0f, half[axis]);
+    if (below[axis] && polygon.count > 0) clip(polygon, axis, -1.0f, half[axis]);
   }
 }
 

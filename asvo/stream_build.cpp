@@ -120,8 +120,10 @@ class BlockBuilder {
     if (cell.level == grid_.depth) return buildLeaf(cell, lower, upper);
     for (const std::uint32_t b : cell.blocks) source_.read(b, lower, upper, reading);
     if (reading.triangles.empty()) return {};
-    std::vector<std::uint32_t> list(reading.triangles.size());
-    std::iota(list.begin(), list.end(), 0u);
+    std::vector<std::uint32_t> list;
+    for (std::uint32_t i = 0; i < reading.triangles.size(); ++i) {
+      if (isBuildable(reading.triangles[i])) list.push_back(i);
+    }
     const CellSource source(source_, reading);
     return buildSubTree(source, grid_, maxLeaves, cell.level, cell.corner, cell.key,
                         std::move(list));

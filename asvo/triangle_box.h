@@ -4,6 +4,9 @@
 // Lengths are in sub-voxels; the grid has its origin at the corner of the cube.
 #pragma once
 
+#include <algorithm>
+#include <bit>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <glm/glm.hpp>
@@ -16,6 +19,8 @@ namespace asvo {
 using Float4 = float __attribute__((vector_size(16)));
 using Int4 = std::int32_t __attribute__((vector_size(16)));
 
+using Double4 = double __attribute__((vector_size(32)));
+
 /// One bit a group of four tests that may still fail inside the present cell.
 using GroupMask = std::uint32_t;
 
@@ -24,26 +29,42 @@ using GroupMask = std::uint32_t;
 /// includes the tolerance, so that rounding never loses a box that the triangle touches.
 ///
 /// Group 0: plane (2), bounds on the dominant axis (2). Group 1: bounds on the others. Groups 2..4:
-/// three edges in each of three projections. The order puts what stays undecided inside a large
-/// triangle into group 0.
+/// three edges in a projection each (and a test that passes). The order puts what stays undecided
+/// inside a large triangle into group 0.
 struct TriangleBox {
   static constexpr int kGroups = 5;
   static constexpr GroupMask kAllGroups = (1u << kGroups) - 1u;
 
   Float4 ax[kGroups], ay[kGroups], az[kGroups], b0[kGroups], b1[kGroups];
 
+  /// `normal`: unit, or zero.
   TriangleBox(const glm::dvec3 vertex[3], const glm::dvec3& normal, double tolerance);
 
   /// Bits of the children (edge `half`) of the cell at p that the triangle overlaps.
   std::uint32_t children(const glm::vec3& p, float half, GroupMask groups) const;
   /// The groups that can still fail for boxes inside the cell at p with edge s.
   GroupMask undecided(const glm::vec3& p, float s, GroupMask groups) const;
-  /// Occupancy of the 4x4x4 sub-voxels of the leaf at p.
-  std::uint64_t subVoxels(const glm::vec3& p, GroupMask groups) const;
+  /// Occupancy of the 4x4x4 sub-voxels of the leaf at p. `octants`: those that the triangle's
+  /// bounds touch.
+  std::uint64_t subVoxels(const glm::vec3& p, std::uint32_t octants, GroupMask groups) const;
 
  private:
-  void set(int test, const glm::dvec3& a, double b, double tolerance);
+  void set(int test, const glm::dvec3& a, double b);
+  void setEdges(const glm::dvec3 vertex[3], const glm::dvec3& normal, double tolerance);
 };
+
+/// The octants of a cell with that middle that lower and upper bounds touch; one alone if the
+/// bounds lie in one cell of a level below.
+inline std::uint32_t octantsOf(const glm::vec3& lower, const glm::vec3& upper,
+                               const glm::vec3& middle) {
+  constexpr std::uint32_t kUpperHalf[3] = {0xaau, 0xccu, 0xf0u};
+  std::uint32_t octants = 0xffu;
+  for (int axis = 0; axis < 3; ++axis) {
+    if (upper[axis] < middle[axis]) octants &= ~kUpperHalf[axis];
+    if (lower[axis] >= middle[axis]) octants &= kUpperHalf[axis];
+  }
+  return octants;
+}
 
 inline bool anyNegative(Int4 v) {
 #ifdef __SSE__
@@ -56,17 +77,56 @@ inline bool anyNegative(Int4 v) {
 inline Float4 splat(float x) { return Float4{x, x, x, x}; }
 
 /// a . p + b >= 0 for some point p of a box: the box's largest value of a . p is added through b1.
-inline void TriangleBox::set(int test, const glm::dvec3& a, double b, double tolerance) {
-  const double length = glm::length(a);
-  const double scale = length > 0.0 ? 1.0 / length : 0.0;
-  const glm::dvec3 n = a * scale;
+/// `a`: of unit length.
+inline void TriangleBox::set(int test, const glm::dvec3& a, double b) {
   const int group = test / 4, lane = test % 4;
-  ax[group][lane] = static_cast<float>(n.x);
-  ay[group][lane] = static_cast<float>(n.y);
-  az[group][lane] = static_cast<float>(n.z);
-  b0[group][lane] = static_cast<float>(length > 0.0 ? b * scale + tolerance : 1.0);
-  const glm::dvec3 up = glm::max(n, glm::dvec3(0.0));
+  ax[group][lane] = static_cast<float>(a.x);
+  ay[group][lane] = static_cast<float>(a.y);
+  az[group][lane] = static_cast<float>(a.z);
+  b0[group][lane] = static_cast<float>(b);
+  const glm::dvec3 up = glm::max(a, glm::dvec3(0.0));
   b1[group][lane] = static_cast<float>(up.x + up.y + up.z);
+}
+
+/// A lane an edge. Directions are rounded to floats first, offsets then follow from these, so that
+/// the line goes through the vertex.
+inline void TriangleBox::setEdges(const glm::dvec3 vertex[3], const glm::dvec3& normal,
+                                  double tolerance) {
+  glm::dvec3 edge[3];
+  double longest = 0.0;
+  for (int e = 0; e < 3; ++e) {
+    edge[e] = vertex[(e + 1) % 3] - vertex[e];
+    const glm::dvec3 size = glm::abs(edge[e]);
+    longest = std::max(longest, std::max(size.x, std::max(size.y, size.z)));
+  }
+  // Of the longest component, so that squares stay in range.
+  const double scale = longest > 0.0 ? 1.0 / longest : 0.0;
+  Float4 way[3];
+  Double4 start[3];
+  for (int axis = 0; axis < 3; ++axis) {
+    way[axis] = __builtin_convertvector(
+        Double4{edge[0][axis], edge[1][axis], edge[2][axis], 0.0} * scale, Float4);
+    start[axis] = Double4{vertex[0][axis], vertex[1][axis], vertex[2][axis], 0.0};
+  }
+  const Float4 zero = {};
+  Float4* const components[3] = {ax, ay, az};
+  for (int axis = 0; axis < 3; ++axis) {
+    const int u = (axis + 1) % 3, v = (axis + 2) % 3, group = 2 + axis;
+    const float sign = normal[axis] >= 0.0 ? 1.0f : -1.0f;
+    const Float4 square = way[u] * way[u] + way[v] * way[v];
+    Float4 length;
+    for (int lane = 0; lane < 4; ++lane) length[lane] = std::sqrt(square[lane]);
+    const Float4 inverse = square > zero ? sign / length : zero;
+    const Float4 nu = -way[v] * inverse, nv = way[u] * inverse;
+    const Double4 offset = tolerance - (__builtin_convertvector(nu, Double4) * start[u] +
+                                        __builtin_convertvector(nv, Double4) * start[v]);
+    components[axis][group] = zero;
+    components[u][group] = nu;
+    components[v][group] = nv;
+    // An edge that is seen end on passes.
+    b0[group] = square > zero ? __builtin_convertvector(offset, Float4) : splat(1.0f);
+    b1[group] = (nu > zero ? nu : zero) + (nv > zero ? nv : zero);
+  }
 }
 
 inline TriangleBox::TriangleBox(const glm::dvec3 vertex[3], const glm::dvec3& normal,
@@ -75,30 +135,17 @@ inline TriangleBox::TriangleBox(const glm::dvec3 vertex[3], const glm::dvec3& no
   const glm::dvec3 upper = glm::max(vertex[0], glm::max(vertex[1], vertex[2]));
   const glm::dvec3 size = glm::abs(normal);
   const int dominant = size.x >= size.y && size.x >= size.z ? 0 : (size.y >= size.z ? 1 : 2);
-  set(0, normal, -glm::dot(normal, vertex[0]), tolerance);
-  set(1, -normal, glm::dot(normal, vertex[0]), tolerance);
+  const double height = glm::dot(normal, vertex[0]);
+  set(0, normal, tolerance - height);
+  set(1, -normal, tolerance + height);
   for (int i = 0; i < 3; ++i) {
     const int axis = (dominant + i) % 3;
     glm::dvec3 a(0.0);
     a[axis] = 1.0;
-    set(2 + 2 * i, a, -lower[axis], tolerance);
-    set(3 + 2 * i, -a, upper[axis], tolerance);
+    set(2 + 2 * i, a, tolerance - lower[axis]);
+    set(3 + 2 * i, -a, tolerance + upper[axis]);
   }
-  int test = 8;
-  for (int axis = 0; axis < 3; ++axis) {
-    const int u = (axis + 1) % 3, v = (axis + 2) % 3;
-    const double sign = normal[axis] >= 0.0 ? 1.0 : -1.0;
-    for (int e = 0; e < 3; ++e, ++test) {
-      const glm::dvec3 edge = vertex[(e + 1) % 3] - vertex[e];
-      glm::dvec3 a(0.0);
-      a[u] = -sign * edge[v];
-      a[v] = sign * edge[u];
-      set(test, a, -glm::dot(a, vertex[e]), tolerance);
-    }
-  }
-  for (; test < 4 * kGroups; ++test) {
-    set(test, glm::dvec3(0.0), 1.0, tolerance);
-  }
+  setEdges(vertex, normal, tolerance);
 }
 
 inline std::uint32_t TriangleBox::children(const glm::vec3& p, float half, GroupMask groups) const {
@@ -137,9 +184,10 @@ inline GroupMask TriangleBox::undecided(const glm::vec3& p, float s, GroupMask g
   return left;
 }
 
-inline std::uint64_t TriangleBox::subVoxels(const glm::vec3& p, GroupMask groups) const {
+inline std::uint64_t TriangleBox::subVoxels(const glm::vec3& p, std::uint32_t octants,
+                                            GroupMask groups) const {
   std::uint64_t mask = 0;
-  const std::uint32_t octants = children(p, 2.0f, groups);
+  if (std::popcount(octants) > 2) octants &= children(p, 2.0f, groups);
   for (int octant = 0; octant < 8; ++octant) {
     if ((octants >> octant & 1u) == 0) continue;
     const int x = (octant & 1) * 2, y = (octant >> 1 & 1) * 2, z = (octant >> 2) * 2;

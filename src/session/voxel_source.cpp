@@ -47,10 +47,9 @@ VoxelSource::VoxelSource(const Scene& scene, std::vector<Material> materials,
   for (const Instance& instance : scene.instances) {
     const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
     if (passesLight(materials_[static_cast<std::size_t>(mesh.material)])) continue;
-    dmat4 toRender = instance.transform;
+    const glm::dmat3 linear(instance.transform);
     const dvec3 origin(instance.transform * glm::dvec4(mesh.origin, 1.0));
-    toRender[3] = glm::dvec4(origin - renderOrigin, 1.0);
-    placed_.push_back({&mesh, toRender, glm::determinant(glm::dmat3(toRender)) < 0.0});
+    placed_.push_back({&mesh, linear, origin - renderOrigin, glm::determinant(linear) < 0.0});
     firsts_.push_back(firsts_.back() + mesh.triangles.size());
   }
   if (count() > 0xffffffffu) {
@@ -66,7 +65,7 @@ void VoxelSource::get(std::uint64_t i, asvo::Triangle& triangle) const {
   const glm::uvec3 t = placed.mesh->triangles[i - firsts_[which]];
   for (int k = 0; k < 3; ++k) {
     const vec3 p = placed.mesh->positions[t[k]];
-    triangle.position[k] = vec3(placed.toRender * glm::dvec4(dvec3(p), 1.0));
+    triangle.position[k] = vec3(placed.linear * dvec3(p) + placed.origin);
   }
   if (placed.mirrored) std::swap(triangle.position[1], triangle.position[2]);
   triangle.material = static_cast<std::uint32_t>(placed.mesh->material);

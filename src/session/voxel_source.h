@@ -24,7 +24,8 @@ class VoxelSource : public asvo::TriangleSource {
  private:
   struct Placed {
     const Mesh* mesh;
-    dmat4 toRender;  ///< mesh positions (without their origin) to render space
+    glm::dmat3 linear;  ///< with `origin`: mesh positions to render space
+    dvec3 origin;
     bool mirrored;
   };
   const Scene& scene_;
