@@ -590,13 +590,11 @@ bool asvoStartsWide(float tanHalf, float tmin, float jitter) ASVO_READS {
 /// March of a cone; see asvoGather. `lit` false: transmittance alone.
 AsvoCone asvoMarch(vec3 origin, vec3 dir, float tanHalf, float tmin, float tmax, float jitter,
                    bool lit) ASVO_READS {
-  float leafEdge = ASVO_INFO.size / float(1u << ASVO_INFO.depth);
   // The jitter also dithers the level: floor(log2(width) + jitter) is log2(width) on average.
   float widthScale = 0.5f * tanHalf * exp2(jitter);
-  float start = tmin + 0.5f * jitter * max(leafEdge, 2.0f * tanHalf * tmin);
   AsvoRay r;
   AsvoMarch m;
-  m.done = !asvoClip(origin, dir, start, tmax, r);
+  m.done = !asvoClip(origin, dir, tmin, tmax, r);
   m.cell = asvoCell(r.o, ivec3(0), ivec3((4 << ASVO_INFO.depth) - 1));
   m.t = 0.0f;
   m.radiance = vec3(0.0f);
@@ -626,10 +624,9 @@ AsvoCone asvoMarch(vec3 origin, vec3 dir, float tanHalf, float tmin, float tmax,
   return cone;
 }
 
-/// Gathers along a cone with apex `origin` and half angle atan(tanHalf), from tmin to tmax. The
-/// start is moved by `jitter` in [0, 1) of half the cone's width there (at least half a leaf); the
-/// jitter also dithers the level that is read. Radiance: what voxels send out (asvoConeWords) front
-/// to back.
+/// Gathers along a cone with apex `origin` and half angle atan(tanHalf), from tmin to tmax.
+/// `jitter` in [0, 1) dithers the level that is read (not the start: what stood before it would be
+/// missed). Radiance: what voxels send out (asvoConeWords) front to back.
 AsvoCone asvoGather(vec3 origin, vec3 dir, float tanHalf, float tmin, float tmax,
                     float jitter) ASVO_READS {
   return asvoMarch(origin, dir, tanHalf, tmin, tmax, jitter, true);

@@ -9,6 +9,9 @@ namespace {
 constexpr int kRouletteFrom = 3;   // bounces before Russian roulette may end a path
 constexpr int kMostBounces = 256;  // a backstop: roulette ends paths long before
 constexpr int kMostLayers = 1024;  // transparent layers that one ray may pass
+/// Width of a shadow cone as a share of its light's. Wide ones meet voxels at the edges of rooms,
+/// which know no planes: with 0.25 a furnace of albedo 0.5 is 1.9 % dark, with 0.06 it is 0.7 %.
+constexpr float kShadowWidth = 0.06f;
 
 float powerHeuristic(float a, float b) {
   // Scaled so that the squares of large densities do not overflow.
@@ -255,7 +258,8 @@ void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsd
     request.origin = origin;
     request.direction = light.direction;
     request.tanHalf =
-        std::min(std::sqrt(light.solidAngle * kInvPi), guess_.footprint.diffuseSpread) * 0.25f;
+        std::min(std::sqrt(light.solidAngle * kInvPi), guess_.footprint.diffuseSpread) *
+        kShadowWidth;
     request.tmin = near;
     // The emitter's own voxels must not shadow it: those that the cone reads there are as wide as
     // the cone.
