@@ -22,7 +22,8 @@
 //
 // Where not all of the tree is at hand (src/grays/page_table.h) it defines as well
 //
-//     ASVO_RESIDENT(i)   whether voxel i, its brick or leaf and what cones read of it are there; notes
+//     ASVO_RESIDENT(i)   whether voxel i, its brick or leaf and what cones read of it are there;
+//     notes
 //                        that a cone asked. The voxels of the grid always are
 //     ASVO_CONE_FINE(i)  ASVO_CONE below the grid, of voxels that are there
 //
@@ -304,8 +305,8 @@ AsvoPlace asvoDescend(AsvoPlace place, ivec3 cell, uint stop) ASVO_READS {
   } else {
     uint low = asvoOctant(cell, place.shift - 2u);
     uint below = (1u << (8u * (high & 3u) + low)) - 1u;
-    uint rank = uint(high < 4u ? bitCount(brick.x & below)
-                               : bitCount(brick.x) + bitCount(brick.y & below));
+    uint rank =
+        uint(high < 4u ? bitCount(brick.x & below) : bitCount(brick.x) + bitCount(brick.y & below));
     place.voxel = ((eight >> low) & 1u) != 0u ? brick.w + rank : ASVO_NONE;
     place.shift -= 2u;
   }
@@ -556,8 +557,8 @@ uint asvoConeLevel(float width) ASVO_READS {
   return min((floatBitsToUint(min(max(1.0f, width), 4096.0f)) >> 23) - 127u, coarsest);
 }
 
-/// Takes what a voxel sends and hides, up to the distance `until`. `fine`: it may lie below the grid
-/// and be a leaf.
+/// Takes what a voxel sends and hides, up to the distance `until`. `fine`: it may lie below the
+/// grid and be a leaf.
 void asvoConeTake(AsvoRay r, AsvoPlace place, float until, bool fine, bool lit,
                   ASVO_INOUT(AsvoMarch) m) ASVO_READS {
   uvec4 words = fine ? ASVO_CONE_FINE(place.voxel) : ASVO_CONE(place.voxel);

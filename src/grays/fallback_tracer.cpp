@@ -45,9 +45,8 @@ class FallbackTracer final : public GRayTracer {
   using GRayTracer::resolveLight;
   bool resolveLight(std::uint64_t emittedPhotons, const std::function<bool()>& keepGoing) override {
     const int before = losses_;
-    return guarded([&] {
-      return losses_ == before && tracer_->resolveLight(emittedPhotons, keepGoing);
-    });
+    return guarded(
+        [&] { return losses_ == before && tracer_->resolveLight(emittedPhotons, keepGoing); });
   }
 
   void refresh(std::span<const shaderio::PhotonMaterial> materials) override {

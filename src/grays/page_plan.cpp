@@ -8,15 +8,17 @@
 namespace trex {
 namespace {
 
-constexpr std::uint64_t kNodeBytes = 32;       // brick or leaf, and what a cone reads
-constexpr std::uint64_t kQueryBytes = sizeof(shaderio::GatherQuery) + sizeof(shaderio::GatherResult);
+constexpr std::uint64_t kNodeBytes = 32;  // brick or leaf, and what a cone reads
+constexpr std::uint64_t kQueryBytes =
+    sizeof(shaderio::GatherQuery) + sizeof(shaderio::GatherResult);
 constexpr std::uint64_t kLeastQueries = 1024, kMostQueries = 1u << 20;
-constexpr std::uint64_t kMostLoads = 256;        // pages staged for a batch
-constexpr std::uint64_t kBufferSlack = 4096;     // a buffer's memory may be rounded up by that
-constexpr std::uint64_t kBuffers = 16;           // that there are, at most
-constexpr std::uint64_t kUploadBytes = 1u << 18; // room for copies while starting, where staged
-constexpr std::uint32_t kLeastGridLevel = 3;     // the coarsest that cones read
-constexpr double kFixedShare = 0.3;              // of the memory, for a finer grid and its voxels
+constexpr std::uint64_t kMostLoads = 256;         // pages staged for a batch
+constexpr std::uint64_t kBufferSlack = 4096;      // a buffer's memory may be rounded up by that
+constexpr std::uint64_t kBuffers = 16;            // that there are, at most
+constexpr std::uint64_t kUploadBytes = 1u << 18;  // room for copies while starting, where staged
+constexpr std::uint32_t kLeastGridLevel = 3;      // the coarsest that cones read
+// Of the memory, for a finer grid, and for it and its voxels. Those are read anyway.
+constexpr double kGridShare = 0.25, kFixedShare = 0.6;
 
 class Planner {
  public:
@@ -34,27 +36,34 @@ class Planner {
         std::min({limits_.maxBytes / 8 / (2 * kQueryBytes), limits_.maxBuffer / kQueryBytes,
                   limits_.maxElements > 0 ? limits_.maxElements / 3 : kMostQueries}),
         kLeastQueries, kMostQueries));
+    plan_.loads = static_cast<std::uint32_t>(
+        std::clamp<std::uint64_t>(limits_.maxBytes / 32 / pageBytes(), 1, kMostLoads));
     // The finest grid with which all fits, else one that leaves most of the memory to pages.
     for (std::uint32_t level = most; level > least; --level) {
       if (gridBytes(level) <= limits_.maxBuffer && fill(level) && plan_.slots == plan_.pages) {
         return plan_;
       }
     }
-    const auto fixed =
-        static_cast<std::uint64_t>(kFixedShare * static_cast<double>(limits_.maxBytes));
     for (std::uint32_t level = most; level > least; --level) {
-      const std::uint64_t bytes =
-          gridBytes(level) + pagesOf(tree_.levelOffsets[level + 1]) * pageBytes();
-      if (bytes <= fixed && gridBytes(level) <= limits_.maxBuffer && fill(level)) return plan_;
+      const std::uint64_t grid = gridBytes(level);
+      const std::uint64_t upper = pagesOf(tree_.levelOffsets[level + 1]) * pageBytes();
+      if (share(grid) <= kGridShare && share(grid + upper) <= kFixedShare &&
+          grid <= limits_.maxBuffer && fill(level)) {
+        return plan_;
+      }
     }
     if (fill(least)) return plan_;
     plan_.queries = kLeastQueries;
+    plan_.loads = 1;
     fill(least);
     return plan_;
   }
 
  private:
   static std::uint64_t gridBytes(std::uint32_t level) { return std::uint64_t{8} << (3 * level); }
+  double share(std::uint64_t bytes) const {
+    return static_cast<double>(bytes) / static_cast<double>(limits_.maxBytes);
+  }
   std::uint64_t pageBytes() const { return plan_.pageNodes() * kNodeBytes; }
   std::uint32_t pagesOf(std::uint64_t nodes) const {
     return static_cast<std::uint32_t>((nodes + plan_.pageNodes() - 1) >> plan_.pageBits);
@@ -81,18 +90,18 @@ class Planner {
     plan_.gridLevel = level;
     const std::uint32_t upper = pagesOf(tree_.levelOffsets[level + 1]);
     const std::uint64_t least = std::min(plan_.pages, upper + 1);
-    plan_.loads = static_cast<std::uint32_t>(
-        std::clamp<std::uint64_t>(limits_.maxBytes / 32 / pageBytes(), 1, kMostLoads));
     const std::uint64_t fixed = fixedBytes(level);
     const std::uint64_t left = limits_.maxBytes - std::min(limits_.maxBytes, fixed);
     const std::uint64_t slots =
         std::min<std::uint64_t>({plan_.pages, mostSlots(), left / pageBytes()});
     plan_.slots = static_cast<std::uint32_t>(std::max(slots, least));
     plan_.bytes = fixed + plan_.slots * pageBytes();
-    const double share = kResidentShare * static_cast<double>(limits_.maxBytes);
-    plan_.resident = std::clamp(
-        static_cast<std::uint32_t>(share / static_cast<double>(pageBytes())), upper,
-        std::max(upper, plan_.slots - (plan_.slots < plan_.pages ? 1 : 0)));
+    plan_.largest = std::max<std::uint64_t>({plan_.slots * pageBytes() / 2, gridBytes(level),
+                                             plan_.pages * 8ull,
+                                             plan_.queries * sizeof(shaderio::GatherQuery)});
+    plan_.resident =
+        std::clamp(static_cast<std::uint32_t>(kResidentShare / share(pageBytes())), upper,
+                   std::max(upper, plan_.slots - (plan_.slots < plan_.pages ? 1 : 0)));
     return slots >= least;
   }
 

@@ -1,5 +1,5 @@
-// How a tree that does not fit is shared out on the device: what is always there, the pool of pages,
-// the grid, batches of cones. Private to src/grays.
+// How a tree that does not fit is shared out on the device: what is always there, the pool of
+// pages, the grid, batches of cones. Private to src/grays.
 #pragma once
 
 #include <cstdint>
@@ -26,6 +26,7 @@ struct PagePlan {
   std::uint32_t loads = 0;      ///< pages loaded before a batch, at most
   bool texels = false;          ///< read through texel buffers
   std::uint64_t bytes = 0;      ///< all buffers together
+  std::uint64_t largest = 0;    ///< bytes of the largest buffer
   std::uint64_t pageNodes() const { return std::uint64_t{1} << pageBits; }
 };
 
@@ -34,8 +35,8 @@ inline constexpr std::uint32_t kPageBits = 10;
 /// Share of the device's memory that upper levels keep for ever.
 inline constexpr double kResidentShare = 0.15;
 
-/// The plan within the limits. Where `bytes` is above maxBytes it is the least there can be: the
-/// device is too small. The tree must not be empty.
+/// The plan within the limits. If they are too low it is the least there can be, above them in
+/// `bytes` or `largest`. The tree must not be empty.
 PagePlan planPages(const asvo::Tree& tree, const PageLimits& limits,
                    std::uint32_t pageBits = kPageBits);
 

@@ -55,9 +55,9 @@ class PageTable {
 
   std::uint32_t resident_;
   std::vector<std::uint32_t> table_, pages_;
-  std::vector<std::uint64_t> lastUse_;   ///< by page: number of the last batch that read it
-  std::vector<std::uint64_t> misses_;    ///< by page, since the last begin()
-  std::vector<FreeSlot> free_;           ///< from the first to be used on
+  std::vector<std::uint64_t> lastUse_;  ///< by page: number of the last batch that read it
+  std::vector<std::uint64_t> misses_;   ///< by page, since the last begin()
+  std::vector<FreeSlot> free_;          ///< from the first to be used on
   std::uint64_t started_ = 0, ended_ = 0;
   std::uint64_t loaded_ = 0, evicted_ = 0, missed_ = 0;
 };

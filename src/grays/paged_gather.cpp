@@ -54,14 +54,13 @@ void PagedGather::makeKernels() {
   const std::vector<std::uint32_t> texelWords =
       plan_.texels ? std::vector<std::uint32_t>{4, 4, 1, 1, 4} : std::vector<std::uint32_t>();
   for (std::uint32_t fine = 0; fine < 2; ++fine) {
-    kernels_[fine].emplace(
-        device_, vulkan::KernelOptions{.name = "gather in pages",
-                                       .spirv = pagedGatherShader(plan_.texels),
-                                       .bindings = 7,
-                                       .texelWords = texelWords,
-                                       .pushBytes = sizeof(GatherPush),
-                                       .constants = {gatherGroupSize(device_), fine,
-                                                     plan_.pageBits}});
+    kernels_[fine].emplace(device_, vulkan::KernelOptions{.name = "gather in pages",
+                                                          .spirv = pagedGatherShader(plan_.texels),
+                                                          .bindings = 7,
+                                                          .texelWords = texelWords,
+                                                          .pushBytes = sizeof(GatherPush),
+                                                          .constants = {gatherGroupSize(device_),
+                                                                        fine, plan_.pageBits}});
   }
 }
 
@@ -102,7 +101,6 @@ std::span<const asvo::uvec4> PagedGather::conesOf(std::uint32_t page) const {
 }
 
 void PagedGather::setCones(std::span<const asvo::uvec4> cones) {
-  waitAll();
   cones_ = cones;
   const std::span<const std::uint32_t> pages = pages_.pages();
   for (std::size_t slot = 0; slot < pages.size(); ++slot) {
@@ -201,21 +199,25 @@ void PagedGather::wait(Work& work) {
   pages_.finished(work.number, {marks, std::size_t{2} * plan_.pages});
 }
 
+/// Waits for the older chunk on the device and starts what there is room for then.
+void PagedGather::advance() {
+  Work& older = works_[(chunks_ + 1) & 1u];
+  wait(older.running ? older : works_[chunks_ & 1u]);
+  pump();
+}
+
 std::span<const shaderio::GatherResult> PagedGather::finish(int number) {
   Ticket& ticket = tickets_[static_cast<unsigned>(number) & 1u];
   assert(ticket.open && "a ticket is finished once");
-  while (ticket.ended < ticket.queries.size()) {
-    Work& older = works_[(chunks_ + 1) & 1u];
-    wait(older.running ? older : works_[chunks_ & 1u]);
-    pump();
-  }
+  while (ticket.ended < ticket.queries.size()) advance();
   ticket.open = false;
   return ticket.results;
 }
 
-void PagedGather::waitAll() {
-  wait(works_[(chunks_ + 1) & 1u]);
-  wait(works_[chunks_ & 1u]);
+void PagedGather::drain() {
+  for (const Ticket& ticket : tickets_) {
+    while (ticket.open && ticket.ended < ticket.queries.size()) advance();
+  }
 }
 
 }  // namespace trex

@@ -1,8 +1,8 @@
 // Cones through a tree of which only pages are on the device. Private to src/grays.
 //
 // As GatherPass, but batches are cut into chunks of PagePlan::queries cones, of which two are under
-// way at a time. Before a chunk starts, pages that the chunks before it missed are copied into slots
-// that no running chunk sees (page_table.h): the copies overlap the tracing.
+// way at a time. Before a chunk starts, pages that the chunks before it missed are copied into
+// slots that no running chunk sees (page_table.h): the copies overlap the tracing.
 #pragma once
 
 #include <array>
@@ -30,14 +30,14 @@ class PagedGather {
   /// The tree must outlive it. The plan must fit (planPages()). Throws Error(kMemoryOrDevice).
   PagedGather(vulkan::Device& device, const asvo::Tree& tree, const PagePlan& plan);
 
-  /// What cones read of each node (ConeTable), which must stay as it is until the next call. Waits
-  /// for all that is under way. To be called before the first submit().
+  /// What cones read of each node (ConeTable), which must stay as it is until the next call. To be
+  /// called before the first submit(), and after drain().
   void setCones(std::span<const asvo::uvec4> cones);
   /// As GRayTracer's.
   int submit(std::span<const shaderio::GatherQuery> queries);
   std::span<const shaderio::GatherResult> finish(int ticket);
-  /// Waits for all that is under way; tickets stay valid.
-  void waitAll();
+  /// Traces all that was submitted to its end; tickets stay valid.
+  void drain();
 
   double seconds() const { return seconds_; }
   const PageTable& pages() const { return pages_; }
@@ -73,6 +73,7 @@ class PagedGather {
   void start(unsigned ticket);
   void pump();
   void wait(Work& work);
+  void advance();
 
   vulkan::Device& device_;
   const asvo::Tree& tree_;

@@ -21,9 +21,10 @@ class PagedTracer final : public GRayTracer {
         coneTable_(tree),
         device_(std::move(device)),
         plan_(plan) {
-    logVerbose("{}: {} voxels in pages of {}: {} of {} pages at a time, {} always, grid of level {}",
-               name(), tree.nodes.size(), plan.pageNodes(), plan.slots, plan.pages, plan.resident,
-               plan.gridLevel);
+    logVerbose(
+        "{}: {} voxels in pages of {}: {} of {} pages at a time, {} always, grid of level {}",
+        name(), tree.nodes.size(), plan.pageNodes(), plan.slots, plan.pages, plan.resident,
+        plan.gridLevel);
   }
 
   ~PagedTracer() override {
@@ -42,7 +43,7 @@ class PagedTracer final : public GRayTracer {
       coneTable_.lightChanged();
     }
     if (coneTable_.stale()) {
-      gather_->waitAll();
+      gather_->drain();  // with the light of before
       coneTable_.refresh(host_->light(), materials_);
       gather_->setCones(coneTable_.words());
     }
@@ -110,6 +111,14 @@ std::unique_ptr<GRayTracer> makePagedTracer(const asvo::Tree& tree,
                                             std::unique_ptr<vulkan::Device> device,
                                             bool storageBuffers, std::uint32_t pageBits) {
   const PagePlan plan = planPages(tree, pageLimits(*device, storageBuffers), pageBits);
+  const std::uint64_t range = device->info().maxStorageBufferRange;
+  if (plan.largest > range) {
+    fail(
+        ExitCode::kMemoryOrDevice,
+        "cones through a voxel tree of {} leaves need a storage buffer of {} bytes at least but {} "
+        "offers at most {}: choose another `--device N`, or use `--device none`",
+        tree.info.leafCount, plan.largest, device->info().name, range);
+  }
   if (plan.bytes > device->maxBytes()) {
     fail(ExitCode::kMemoryOrDevice,
          "cones through a voxel tree of {} leaves need {} bytes on {} at least, allowed are {}: "

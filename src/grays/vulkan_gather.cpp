@@ -87,12 +87,13 @@ void GatherPass::makeKernels() {
   grid_.emplace(device_, "the grid of cones", bytes.size(), vulkan::Place::kDevice);
   grid_->upload(bytes);
   for (std::uint32_t fine = 0; fine < 2; ++fine) {
-    kernels_[fine].emplace(device_, vulkan::KernelOptions{.name = "gather",
-                                                          .spirv = gatherShader(tree_.texels),
-                                                          .bindings = 7,
-                                                          .texelWords = texelWords(),
-                                                          .pushBytes = sizeof(GatherPush),
-                                                          .constants = {gatherGroupSize(device_), fine}});
+    kernels_[fine].emplace(device_,
+                           vulkan::KernelOptions{.name = "gather",
+                                                 .spirv = gatherShader(tree_.texels),
+                                                 .bindings = 7,
+                                                 .texelWords = texelWords(),
+                                                 .pushBytes = sizeof(GatherPush),
+                                                 .constants = {gatherGroupSize(device_), fine}});
   }
 }
 

@@ -29,8 +29,8 @@ class LightPass {
 
   /// Shoots what is missing up to `target` photons in all and resolves. Asks `keepGoing` every few
   /// milliseconds; false if it said no: the light is then as it was, and the next call goes on. The
-  /// light depends on the number of photons alone, not on the calls that brought them. Where flux is
-  /// lost with a device as many are shot again, and the light of before stays until then.
+  /// light depends on the number of photons alone, not on the calls that brought them. Where flux
+  /// is lost with a device as many are shot again, and the light of before stays until then.
   bool run(std::uint64_t target, const std::function<bool()>& keepGoing);
 
   /// The device's sums are to be forgotten by whoever makes a new pass.
