@@ -7,10 +7,10 @@
 // instructions a cone on lavapipe 22.3).
 //
 // With TREX_PAGED only pages of the tree are there (src/grays/page_table.h), in slots of two pools:
-// bindings 0 and 1 are the bricks of inner voxels and the leaves of leaf voxels, and the cone words,
-// both by slot; 2 is the page table; 3 the grid; the last (kMarksBinding) the marks, two words a
-// page: whether it was read, and how often it was missing. The pages of the voxels in the grid have
-// the slots of their numbers.
+// bindings 0 and 1 are the bricks of inner voxels and the leaves of leaf voxels, and the cone
+// words, both by slot; 2 is the page table; 3 the grid; the last (kMarksBinding) the marks, two
+// words a page: whether it was read, and how often it was missing. The pages of the voxels in the
+// grid have the slots of their numbers.
 #ifndef TREX_TREE_H
 #define TREX_TREE_H
 

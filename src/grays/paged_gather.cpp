@@ -42,10 +42,10 @@ PagedGather::PagedGather(vulkan::Device& device, const asvo::Tree& tree, const P
   const std::uint64_t poolBytes = plan.slots * plan.pageNodes() * kWordBytes;
   details_.emplace(device, "pages of bricks and leaves", poolBytes, vulkan::Place::kDevice);
   conePool_.emplace(device, "pages of what cones read", poolBytes, vulkan::Place::kDevice);
-  for (std::uint32_t slot = 0; slot < plan.slots; ++slot) {
-    details(slot, page_);
-    details_->upload(std::as_bytes(std::span(page_)), slot * plan.pageNodes() * kWordBytes);
-  }
+  fill(*details_, [&](std::uint32_t page) {
+    details(page, page_);
+    return std::span<const asvo::uvec4>(page_);
+  });
   for (Work& work : works_) makeWork(work);
 }
 
@@ -102,10 +102,26 @@ std::span<const asvo::uvec4> PagedGather::conesOf(std::uint32_t page) const {
 
 void PagedGather::setCones(std::span<const asvo::uvec4> cones) {
   cones_ = cones;
+  fill(*conePool_, [&](std::uint32_t page) { return conesOf(page); });
+}
+
+/// Writes the words of all pages that are there; many in one copy.
+template <typename Words>
+void PagedGather::fill(vulkan::Buffer& pool, const Words& words) {
+  constexpr std::size_t kRun = 64;
   const std::span<const std::uint32_t> pages = pages_.pages();
-  for (std::size_t slot = 0; slot < pages.size(); ++slot) {
-    if (pages[slot] == PageTable::kNoPage) continue;
-    conePool_->upload(std::as_bytes(conesOf(pages[slot])), slot * plan_.pageNodes() * kWordBytes);
+  std::vector<asvo::uvec4> run;
+  for (std::size_t first = 0; first < pages.size(); first += kRun) {
+    const std::span<const std::uint32_t> part =
+        pages.subspan(first, std::min(kRun, pages.size() - first));
+    run.assign(part.size() * plan_.pageNodes(), asvo::uvec4(0u));
+    for (std::size_t i = 0; i < part.size(); ++i) {
+      if (part[i] == PageTable::kNoPage) continue;
+      const std::span<const asvo::uvec4> from = words(part[i]);
+      std::copy(from.begin(), from.end(),
+                run.begin() + static_cast<std::ptrdiff_t>(i * plan_.pageNodes()));
+    }
+    pool.upload(std::as_bytes(std::span(run)), first * plan_.pageNodes() * kWordBytes);
   }
 }
 

@@ -69,6 +69,8 @@ class PagedGather {
            std::span<const std::byte> bytes);
   void details(std::uint32_t page, std::vector<asvo::uvec4>& words) const;
   std::span<const asvo::uvec4> conesOf(std::uint32_t page) const;
+  template <typename Words>
+  void fill(vulkan::Buffer& pool, const Words& words);
   void loadPages(Work& work);
   void start(unsigned ticket);
   void pump();

@@ -219,16 +219,17 @@ TEST(DeviceFallback, InPages) {
 TEST(DeviceFallback, LightStaysUntilTheNextResolve) {
   const auto records = test::pointLight(tree(), {2.0f, 2.7f, 1.8f}, 10.0f, kPhotons);
   const auto queries = test::roomQueries(tree(), 1'000);
-  // The wait that fails is that of the first batch of cones.
+  // The wait that fails is one for cones. How many there are before depends on the time photons
+  // take.
   for (std::uint64_t n = 1; n < 50; ++n) {
     const auto tracer = makeFallbackTracer(makeVulkanTracer(tree(), {}, -1, {.failWait = n}));
+    const auto taken = [&] { return tracer->name().find(", then cpu") != std::string::npos; };
     tracer->tracePhotons(records, 1e-6);
-    if (!tracer->resolveLight(kPhotons, [] { return true; })) continue;
-    if (tracer->name().find("cpu") != std::string::npos) continue;
+    if (!tracer->resolveLight(kPhotons, [] { return true; }) || taken()) continue;
     const std::span<const asvo::uvec4> before = tracer->light();
     const std::vector<asvo::uvec4> copy(before.begin(), before.end());
-    const auto answers = tracer->finishGather(tracer->submitGather(queries));
-    ASSERT_NE(tracer->name().find("cpu"), std::string::npos);
+    std::span<const shaderio::GatherResult> answers;
+    while (!taken()) answers = tracer->finishGather(tracer->submitGather(queries));
     EXPECT_GT(answers[0].radiance.x + answers[1].radiance.x, 0.0f) << "black";
     EXPECT_EQ(tracer->fluxLosses(), 1);
     EXPECT_EQ(tracer->light().data(), before.data());
