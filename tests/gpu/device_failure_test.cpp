@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "src/core/error.h"
+#include "src/core/log.h"
 #include "src/vulkan/vulkan.h"
 #include "tests/gpu/grays_fixture.h"
 
@@ -152,6 +153,7 @@ double sum(const Results& results) {
 /// Fails the first call, the second, ...: every frame is complete and like the C++ tracer's. How
 /// many frames were taken over.
 int takeOverAtEachCall(std::uint64_t VulkanLimits::*which, const VulkanLimits& base) {
+  setLogLevel(LogLevel::kError);  // a warning each
   const auto cpu = makeCpuTracer(tree(), {});
   const Frame expected = session(*cpu);
   int replaced = 0;
