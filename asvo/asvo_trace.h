@@ -20,6 +20,13 @@
 //                    leaves); z first child; w first grandchild
 //     ASVO_CONE(i)   what a cone reads of voxel i, see asvoConeWords
 //
+// Where not all of the tree is at hand (src/grays/page_table.h) it defines as well
+//
+//     ASVO_RESIDENT(i)   whether voxel i, its brick or leaf and what cones read of it are there;
+//     notes
+//                        that a cone asked. The voxels of the grid always are
+//     ASVO_CONE_FINE(i)  ASVO_CONE below the grid, of voxels that are there
+//
 // Positions and directions are in render space (metres); directions have unit length; everything is
 // finite but tmax. No recursion, no 64-bit integers, no subgroup operations; every loop is bounded.
 //
@@ -234,6 +241,9 @@ uvec4 asvoConeWords(uvec4 v, uvec4 light) ASVO_READS {
 #ifndef ASVO_CONE
 #define ASVO_CONE(i) asvoConeWords(ASVO_VOXEL(i), ASVO_LIGHT(i))
 #endif
+#ifndef ASVO_CONE_FINE
+#define ASVO_CONE_FINE(i) ASVO_CONE(i)
+#endif
 
 // --- Traversal ----------------------------------------------------------------------------------
 
@@ -291,43 +301,70 @@ AsvoPlace asvoGridPlace(ivec3 cell, uint way, uint level) ASVO_READS {
   return place;
 }
 
+/// From a voxel a level or two down, towards the cell, but not below `stop`. Two reads of a tree in
+/// one.
+AsvoPlace asvoDescend(AsvoPlace place, ivec3 cell, uint stop) ASVO_READS {
+  uvec4 brick = ASVO_BRICK(place.voxel);
+  uint high = asvoOctant(cell, place.shift - 1u);
+  uint eight = ((high < 4u ? brick.x : brick.y) >> (8u * (high & 3u))) & 255u;
+  if (eight == 0u) {
+    place.shift -= 1u;
+    place.voxel = ASVO_NONE;
+  } else if (place.shift == stop + 1u) {
+    // One bit of each byte that is not empty: the children.
+    uvec2 any = uvec2(brick.x, brick.y);
+    any |= any >> uvec2(4u);
+    any |= any >> uvec2(2u);
+    any |= any >> uvec2(1u);
+    any &= uvec2(0x01010101u);
+    uint below = (1u << (8u * (high & 3u))) - 1u;
+    place.voxel = brick.z + uint(high < 4u ? bitCount(any.x & below)
+                                           : bitCount(any.x) + bitCount(any.y & below));
+    place.shift -= 1u;
+  } else {
+    uint low = asvoOctant(cell, place.shift - 2u);
+    uint below = (1u << (8u * (high & 3u) + low)) - 1u;
+    uint rank =
+        uint(high < 4u ? bitCount(brick.x & below) : bitCount(brick.x) + bitCount(brick.y & below));
+    place.voxel = ((eight >> low) & 1u) != 0u ? brick.w + rank : ASVO_NONE;
+    place.shift -= 2u;
+  }
+  return place;
+}
+
 /// The voxel of size 1 << stop that holds the cell, or what is empty around it.
 AsvoPlace asvoPlace(ivec3 cell, uint way, uint stop) ASVO_READS {
   AsvoPlace place = asvoGridPlace(cell, way, min(ASVO_INFO.depth + 2u - stop, ASVO_GRID_LEVEL));
   while (place.voxel != ASVO_NONE && place.shift > stop) {
-    uvec4 brick = ASVO_BRICK(place.voxel);
-    uint high = asvoOctant(cell, place.shift - 1u);
-    uint eight = ((high < 4u ? brick.x : brick.y) >> (8u * (high & 3u))) & 255u;
-    if (eight == 0u) {
-      place.shift -= 1u;
-      place.voxel = ASVO_NONE;
-    } else if (place.shift == stop + 1u) {
-      // One bit of each byte that is not empty: the children.
-      uvec2 any = uvec2(brick.x, brick.y);
-      any |= any >> uvec2(4u);
-      any |= any >> uvec2(2u);
-      any |= any >> uvec2(1u);
-      any &= uvec2(0x01010101u);
-      uint below = (1u << (8u * (high & 3u))) - 1u;
-      place.voxel = brick.z + uint(high < 4u ? bitCount(any.x & below)
-                                             : bitCount(any.x) + bitCount(any.y & below));
-      place.shift -= 1u;
-    } else {
-      uint low = asvoOctant(cell, place.shift - 2u);
-      uint below = (1u << (8u * (high & 3u) + low)) - 1u;
-      uint rank = uint(high < 4u ? bitCount(brick.x & below)
-                                 : bitCount(brick.x) + bitCount(brick.y & below));
-      place.voxel = ((eight >> low) & 1u) != 0u ? brick.w + rank : ASVO_NONE;
-      place.shift -= 2u;
-    }
+    place = asvoDescend(place, cell, stop);
   }
   return place;
 }
+
+#ifdef ASVO_RESIDENT
+
+/// What a cone finds: where a voxel is missing, the next coarser one that is there.
+AsvoPlace asvoConePlace(ivec3 cell, uint way, uint stop) ASVO_READS {
+  AsvoPlace place = asvoGridPlace(cell, way, min(ASVO_INFO.depth + 2u - stop, ASVO_GRID_LEVEL));
+  uint aim = stop;
+  while (place.voxel != ASVO_NONE && place.shift > aim) {
+    AsvoPlace next = asvoDescend(place, cell, aim);
+    bool there = next.voxel == ASVO_NONE || ASVO_RESIDENT(next.voxel);
+    // Of two levels down, the one between may be there.
+    aim = there ? aim : next.shift + 1u;
+    if (there) place = next;
+  }
+  return place;
+}
+
+#else
 
 /// What a cone finds.
 AsvoPlace asvoConePlace(ivec3 cell, uint way, uint stop) ASVO_READS {
   return asvoPlace(cell, way, stop);
 }
+
+#endif
 
 #else
 
@@ -537,10 +574,11 @@ uint asvoConeLevel(float width) ASVO_READS {
   return min((floatBitsToUint(min(max(1.0f, width), 4096.0f)) >> 23) - 127u, coarsest);
 }
 
-/// Takes what a voxel sends and hides, up to the distance `until`. `fine`: it may be a leaf.
+/// Takes what a voxel sends and hides, up to the distance `until`. `fine`: it may lie below the
+/// grid and be a leaf.
 void asvoConeTake(AsvoRay r, AsvoPlace place, float until, bool fine, bool lit,
                   ASVO_INOUT(AsvoMarch) m) ASVO_READS {
-  uvec4 words = ASVO_CONE(place.voxel);
+  uvec4 words = fine ? ASVO_CONE_FINE(place.voxel) : ASVO_CONE(place.voxel);
   vec3 n = vec3(ivec3(uvec3(words.y & 1023u, (words.y >> 10) & 1023u, words.y >> 20)));
   n = (n * (1.0f / 511.0f) - vec3(1.0f)) * r.turn;
   float slope = dot(n, r.d);

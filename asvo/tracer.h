@@ -45,6 +45,7 @@ class Tracer {
 #undef ASVO_LIGHT
 #undef ASVO_INFO
 #undef ASVO_CONE
+#undef ASVO_CONE_FINE
 #undef ASVO_FINE
 
  private:

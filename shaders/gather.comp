@@ -1,6 +1,7 @@
 // Gathers cached radiance: one cone through the ASVO an invocation. Cones that start wide take a
 // variant without the code for the finest levels (asvo_trace.h).
-// In: the tree (tree.h), queries. Out: results, each at its query's index.
+// In: the tree (tree.h), queries. Out: results, each at its query's index; with TREX_PAGED the marks of
+// pages too.
 #version 450
 #extension GL_GOOGLE_include_directive : require
 #include "asvo/asvo_layout.h"
@@ -18,10 +19,16 @@ layout(push_constant) uniform Push {
   uint end;    // one past its last query
 } push;
 
+#ifdef TREX_PAGED
+const int kQueryBinding = 4;
+const int kMarksBinding = 6;
+#else
+const int kQueryBinding = 5;
+#endif
 #include "shaders/tree.h"
 
 #ifdef TREX_TEXELS
-layout(set = 0, binding = 5) uniform utextureBuffer queryTexels;  // three a query
+layout(set = 0, binding = kQueryBinding) uniform utextureBuffer queryTexels;  // three a query
 GatherQuery readQuery(uint i) {
   uvec4 a = texelFetch(queryTexels, int(3u * i));
   uvec4 b = texelFetch(queryTexels, int(3u * i + 1u));
@@ -30,10 +37,10 @@ GatherQuery readQuery(uint i) {
   return GatherQuery(x.xyz, x.w, y.xyz, y.w, uintBitsToFloat(c.x), uintBitsToFloat(c.y), c.z, c.w);
 }
 #else
-layout(std430, set = 0, binding = 5) readonly buffer QueryBuffer { GatherQuery queries[]; };
+layout(std430, set = 0, binding = kQueryBinding) readonly buffer QueryBuffer { GatherQuery queries[]; };
 GatherQuery readQuery(uint i) { return queries[i]; }
 #endif
-layout(std430, set = 0, binding = 6) writeonly buffer ResultBuffer { GatherResult results[]; };
+layout(std430, set = 0, binding = kQueryBinding + 1) writeonly buffer ResultBuffer { GatherResult results[]; };
 
 void main() {
   uint i = push.first + gl_GlobalInvocationID.x;

@@ -27,6 +27,8 @@ std::uint64_t jobKey(const RenderArguments& a, const Model& model, const std::ve
     text += fmt::format(" {:016x}", hashFile(file.path));
   // A memory limit may have made the voxels coarser.
   if (model.voxels) text += fmt::format(" {}", model.voxels->info.leafCount);
+  // Of pages, cones read those that are there.
+  if (s.maxGpuMemory > 0) text += fmt::format(" gpu {}", s.maxGpuMemory);
   if (!a.edits.empty()) text += fmt::format(" {:016x}", hashFile(a.edits));
   for (const std::string& layer : a.layers) text += ' ' + layer;
   for (const View& view : views) text += ' ' + cameraText(view.camera);

@@ -58,11 +58,18 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
       {"voxels", r.voxels},
       {"voxel_depth", r.voxelDepth},
       {"voxel_bytes", r.voxelBytes},
-      {"device_bytes", r.deviceBytes},
+      {"device_bytes", r.gRays.deviceBytes},
       {"nonfinite_samples", r.nonFinite},
       {"estimated_relmse", error < 0.0 ? nlohmann::json() : nlohmann::json(error)},
       {"exposure_stops", exposure},
       {"peak_resident_bytes", peakResidentBytes()}};
+  if (r.gRays.pages > 0) {
+    out["voxel_pages"] = r.gRays.pages;
+    out["voxel_page_slots"] = r.gRays.pageSlots;
+    out["voxel_page_loads"] = r.gRays.pageLoads;
+    out["voxel_page_evictions"] = r.gRays.pageEvictions;
+    out["voxel_missed_reads"] = r.gRays.missedReads;
+  }
   if (r.mesh.pages == 0) return out;
   out["pages"] = r.mesh.pages;
   out["page_cache_bytes"] = r.mesh.cacheBytes;

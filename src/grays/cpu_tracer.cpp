@@ -45,10 +45,11 @@ struct PhotonCounts {
 
 class CpuTracer final : public GRayTracer {
  public:
-  CpuTracer(const asvo::Tree& tree, std::span<const shaderio::PhotonMaterial> materials)
+  CpuTracer(const asvo::Tree& tree, std::span<const shaderio::PhotonMaterial> materials,
+            std::vector<asvo::uvec4> light)
       : tree_(tree),
         materials_(materials.begin(), materials.end()),
-        light_(tree.nodes.size()),
+        light_(std::move(light)),
         cones_(tree),
         grid_(tree.info.leafCount > 0 ? makeGrid(tree, photonGridLevel(tree.info))
                                       : std::vector<std::uint32_t>()),
@@ -205,8 +206,10 @@ class CpuTracer final : public GRayTracer {
 }  // namespace
 
 std::unique_ptr<GRayTracer> makeCpuTracer(const asvo::Tree& tree,
-                                          std::span<const shaderio::PhotonMaterial> materials) {
-  return std::make_unique<CpuTracer>(tree, materials);
+                                          std::span<const shaderio::PhotonMaterial> materials,
+                                          std::vector<asvo::uvec4> light) {
+  light.resize(tree.nodes.size(), asvo::uvec4(0u));
+  return std::make_unique<CpuTracer>(tree, materials, std::move(light));
 }
 
 }  // namespace trex

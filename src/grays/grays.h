@@ -18,6 +18,9 @@ struct GRayStatistics {
   std::uint64_t cones = 0, photonRecords = 0, photonDeposits = 0, lostDeposits = 0;
   double gatherSeconds = 0.0, photonSeconds = 0.0;
   std::uint64_t deviceBytes = 0;
+  /// Of a tree that does not fit on the device; all 0 if it does. Reads of voxels that were not
+  /// there got the next coarser one.
+  std::uint64_t pages = 0, pageSlots = 0, pageLoads = 0, pageEvictions = 0, missedReads = 0;
 };
 
 /// One tracer of G-rays over one tree. Not thread safe: one caller at a time, but submit() returns
@@ -56,11 +59,25 @@ class GRayTracer {
   /// Irradiance as in asvo_layout.h light[], on the host; nodeCount entries.
   virtual std::span<const asvo::uvec4> light() const = 0;
   virtual GRayStatistics statistics() const = 0;
+
+  /// A tracer that goes on in the place of another, and whether flux was lost on the way.
+  struct Successor {
+    std::unique_ptr<GRayTracer> tracer;
+    bool fluxLost = false;
+  };
+  /// After an error of the device: the C++ tracer with the last resolved light() (at the same
+  /// address) and what is left of the flux. Results of cones stay valid; nothing else may be asked
+  /// of this tracer any more. Null for tracers without a device.
+  virtual Successor handOver() { return {}; }
+  /// How often flux was lost with a device so far (makeFallbackTracer()): photons traced before do
+  /// not count any more, and the next resolveLight() must not count them.
+  virtual int fluxLosses() const { return 0; }
 };
 
-/// The C++ build of the tracer (oneTBB).
+/// The C++ build of the tracer (oneTBB). `light`: what light() is at first; empty for none.
 std::unique_ptr<GRayTracer> makeCpuTracer(const asvo::Tree& tree,
-                                          std::span<const shaderio::PhotonMaterial> materials);
+                                          std::span<const shaderio::PhotonMaterial> materials,
+                                          std::vector<asvo::uvec4> light = {});
 
 /// Limits below the device's own; 0 keeps those.
 struct VulkanLimits {
@@ -68,14 +85,23 @@ struct VulkanLimits {
   std::uint64_t maxStorageBufferRange = 0;  ///< for tests
   bool forceStaging = false;                ///< copy as if device memory were not mapped (tests)
   bool storageBuffers = false;              ///< read the tree as a GPU does, on any device (tests)
+  std::uint32_t pageBits = 0;               ///< a page is 2^pageBits voxels; 0: kPageBits (tests)
   /// Simulated failures, see vulkan::DeviceOptions (tests).
   std::uint64_t failAllocation = 0, failSubmit = 0, failWait = 0;
 };
 
-/// On Vulkan device number `device` (order of enumeration), or the best one with -1. Throws
-/// Error(kMemoryOrDevice) that says what is missing and names `--device none`.
+/// On Vulkan device number `device` (order of enumeration), or the best one with -1. A tree that
+/// does not fit is paged: photons are then the C++ tracer's, cones read the pages that are there
+/// (src/grays/page_table.h). Throws Error(kMemoryOrDevice) that says what is missing and names
+/// `--device none`.
 std::unique_ptr<GRayTracer> makeVulkanTracer(const asvo::Tree& tree,
                                              std::span<const shaderio::PhotonMaterial> materials,
                                              int device, const VulkanLimits& limits = {});
+
+/// Takes a device's tracer and, should the device fail later, goes on with the C++ tracer: one
+/// warning, open batches are traced anew, nothing is thrown. Light is the last one resolved until
+/// the next resolveLight(); where that call itself lost the flux it returns false, and fluxLosses()
+/// has grown.
+std::unique_ptr<GRayTracer> makeFallbackTracer(std::unique_ptr<GRayTracer> device);
 
 }  // namespace trex

@@ -69,6 +69,7 @@ class GridTracer {
 #undef ASVO_GRID
 #undef ASVO_BRICK
 #undef ASVO_CONE
+#undef ASVO_CONE_FINE
 #undef ASVO_FINE
 #undef ASVO_GRID_LEVEL
 #undef ASVO_INFO

@@ -19,6 +19,9 @@ SHADERIO_CONST uint kWorkgroupSize = 64u;
 /// Of gathering: larger, as its invocations end at about the same time.
 SHADERIO_CONST uint kGatherGroupSize = 256u;
 
+/// Entry of the page table for a page that is not on the device.
+SHADERIO_CONST uint kNoSlot = 0xffffffffu;
+
 /// Bits of GatherQuery::flags.
 SHADERIO_CONST uint kQueryShadow = 1u;  // transmittance alone; radiance is 0
 

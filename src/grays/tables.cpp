@@ -87,22 +87,6 @@ void fillCubes(std::uint32_t level, std::vector<std::uint32_t>& grid) {
   });
 }
 
-asvo::uvec4 brickOf(const asvo::Tree& tree, std::uint32_t node) {
-  const asvo::uvec2 links = tree.nodes[node];
-  const bool leaves = links.x >= tree.info.firstLeaf;
-  std::uint64_t mask = 0;
-  std::uint32_t child = links.x;
-  for (std::uint32_t octant = 0; octant < 8; ++octant) {
-    if ((links.y >> octant & 1u) == 0) continue;
-    const std::uint64_t below = leaves ? 0xffu : tree.nodes[child].y & 255u;
-    mask |= below << (8 * octant);
-    ++child;
-  }
-  const std::uint32_t grandchild = leaves ? 0u : tree.nodes[links.x].x;
-  return {static_cast<std::uint32_t>(mask), static_cast<std::uint32_t>(mask >> 32), links.x,
-          grandchild};
-}
-
 template <typename Function>
 void forNodes(std::size_t count, const Function& function) {
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, count, 1024), [&](const auto& range) {
@@ -130,6 +114,22 @@ std::vector<std::uint32_t> makeGrid(const asvo::Tree& tree, std::uint32_t last) 
   for (std::uint32_t level = 1; level <= last; ++level) fillVoxels(tree, level, grid);
   for (std::uint32_t level = 1; level <= last; ++level) fillCubes(level, grid);
   return grid;
+}
+
+asvo::uvec4 brickOf(const asvo::Tree& tree, std::uint32_t node) {
+  const asvo::uvec2 links = tree.nodes[node];
+  const bool leaves = links.x >= tree.info.firstLeaf;
+  std::uint64_t mask = 0;
+  std::uint32_t child = links.x;
+  for (std::uint32_t octant = 0; octant < 8; ++octant) {
+    if ((links.y >> octant & 1u) == 0) continue;
+    const std::uint64_t below = leaves ? 0xffu : tree.nodes[child].y & 255u;
+    mask |= below << (8 * octant);
+    ++child;
+  }
+  const std::uint32_t grandchild = leaves ? 0u : tree.nodes[links.x].x;
+  return {static_cast<std::uint32_t>(mask), static_cast<std::uint32_t>(mask >> 32), links.x,
+          grandchild};
 }
 
 std::vector<asvo::uvec4> makeBricks(const asvo::Tree& tree) {

@@ -33,6 +33,9 @@ std::vector<std::uint32_t> makeGrid(const asvo::Tree& tree, std::uint32_t last);
 /// ASVO_BRICK less firstBrick(): brickCount() entries.
 std::vector<asvo::uvec4> makeBricks(const asvo::Tree& tree);
 
+/// ASVO_BRICK of one inner node of any level.
+asvo::uvec4 brickOf(const asvo::Tree& tree, std::uint32_t node);
+
 /// ASVO_CONE of every node: what cones read of voxels in one word of 16 bytes. Metals count as
 /// diffuse with the reflectance of their material: a cone can't follow their mirrors, and without
 /// it what they send on would be lost.

@@ -9,13 +9,6 @@ namespace trex {
 
 namespace {
 
-/// Push constants of gather.comp.
-struct GatherPush {
-  asvo::AsvoInfo info;
-  std::uint32_t gridLevel, firstBrick, first, end;
-};
-static_assert(sizeof(GatherPush) == 48);
-
 /// Queries that one batch may have where they are read as texels, three each.
 constexpr std::uint64_t kMostQueries = 1u << 22;
 
@@ -70,8 +63,22 @@ std::vector<std::uint32_t> GatherPass::texelWords() const {
   return words;
 }
 
-std::uint32_t GatherPass::groupSize() const {
-  return std::min(shaderio::kGatherGroupSize, device_.info().maxWorkgroupInvocations);
+std::uint32_t gatherGroupSize(const vulkan::Device& device) {
+  return std::min(shaderio::kGatherGroupSize, device.info().maxWorkgroupInvocations);
+}
+
+void dispatchCones(const vulkan::Device& device, vulkan::Batch& batch, const vulkan::Kernel& kernel,
+                   const vulkan::Bindings& bindings, GatherPush push,
+                   const vulkan::Slicer& slicer) {
+  const std::uint32_t size = gatherGroupSize(device), end = push.end;
+  const std::uint64_t slice = std::clamp<std::uint64_t>(
+      slicer.items(), size, std::uint64_t{device.info().maxWorkgroupCount} * size);
+  for (std::uint64_t first = push.first; first < end; first += slice) {
+    push.first = static_cast<std::uint32_t>(first);
+    push.end = static_cast<std::uint32_t>(std::min<std::uint64_t>(end, first + slice));
+    batch.dispatch(kernel, bindings, std::as_bytes(std::span(&push, 1)),
+                   (push.end - push.first + size - 1) / size);
+  }
 }
 
 void GatherPass::makeKernels() {
@@ -80,12 +87,13 @@ void GatherPass::makeKernels() {
   grid_.emplace(device_, "the grid of cones", bytes.size(), vulkan::Place::kDevice);
   grid_->upload(bytes);
   for (std::uint32_t fine = 0; fine < 2; ++fine) {
-    kernels_[fine].emplace(device_, vulkan::KernelOptions{.name = "gather",
-                                                          .spirv = gatherShader(tree_.texels),
-                                                          .bindings = 7,
-                                                          .texelWords = texelWords(),
-                                                          .pushBytes = sizeof(GatherPush),
-                                                          .constants = {groupSize(), fine}});
+    kernels_[fine].emplace(device_,
+                           vulkan::KernelOptions{.name = "gather",
+                                                 .spirv = gatherShader(tree_.texels),
+                                                 .bindings = 7,
+                                                 .texelWords = texelWords(),
+                                                 .pushBytes = sizeof(GatherPush),
+                                                 .constants = {gatherGroupSize(device_), fine}});
   }
 }
 
@@ -116,28 +124,16 @@ int GatherPass::submit(std::span<const shaderio::GatherQuery> queries) {
   const auto count = static_cast<std::uint32_t>(queries.size());
   auto* out = reinterpret_cast<shaderio::GatherQuery*>(slot.queries->mapped());
   const std::uint32_t wide = order_.write(queries, out);
-  dispatch(slot, 0, 0, wide);
-  dispatch(slot, 1, wide, count);
+  const GatherPush push{tree_.info, coneGridLevel(tree_.info), tree_.firstBrick, 0, wide};
+  dispatchCones(device_, *slot.batch, *kernels_[0], *slot.bindings, push, slicer_);
+  const GatherPush fine{push.info, push.gridLevel, push.firstBrick, wide, count};
+  dispatchCones(device_, *slot.batch, *kernels_[1], *slot.bindings, fine, slicer_);
   slot.start = Clock::now();
   slot.batch->submit();
   slot.count = queries.size();
   slot.open = true;
   slot.running = true;
   return static_cast<int>(next_++);
-}
-
-void GatherPass::dispatch(Slot& slot, std::size_t variant, std::uint32_t begin, std::uint32_t end) {
-  const std::uint32_t size = groupSize();
-  const std::uint64_t slice = std::clamp<std::uint64_t>(
-      slicer_.items(), size, std::uint64_t{device_.info().maxWorkgroupCount} * size);
-  for (std::uint64_t first = begin; first < end; first += slice) {
-    const auto last = static_cast<std::uint32_t>(std::min<std::uint64_t>(end, first + slice));
-    const GatherPush push{tree_.info, coneGridLevel(tree_.info), tree_.firstBrick,
-                          static_cast<std::uint32_t>(first), last};
-    const auto groups = static_cast<std::uint32_t>((last - first + size - 1) / size);
-    slot.batch->dispatch(*kernels_[variant], *slot.bindings, std::as_bytes(std::span(&push, 1)),
-                         groups);
-  }
 }
 
 void GatherPass::wait(Slot& slot) {

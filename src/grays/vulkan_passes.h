@@ -29,6 +29,19 @@ struct TreeBuffers {
 
 /// Invocations in a workgroup on this device: kWorkgroupSize or what it allows.
 std::uint32_t workgroupSize(const vulkan::Device& device);
+/// The same for cones, of kGatherGroupSize.
+std::uint32_t gatherGroupSize(const vulkan::Device& device);
+
+/// Push constants of gather.comp.
+struct GatherPush {
+  asvo::AsvoInfo info;
+  std::uint32_t gridLevel, firstBrick, first, end;
+};
+static_assert(sizeof(GatherPush) == 48);
+
+/// Records the cones from push.first to push.end, in slices.
+void dispatchCones(const vulkan::Device& device, vulkan::Batch& batch, const vulkan::Kernel& kernel,
+                   const vulkan::Bindings& bindings, GatherPush push, const vulkan::Slicer& slicer);
 
 class GatherPass {
  public:
@@ -55,10 +68,8 @@ class GatherPass {
     bool open = false, running = false;
   };
   std::vector<std::uint32_t> texelWords() const;
-  std::uint32_t groupSize() const;
   void makeKernels();
   void grow(Slot& slot, std::size_t count);
-  void dispatch(Slot& slot, std::size_t variant, std::uint32_t begin, std::uint32_t end);
   void wait(Slot& slot);
 
   vulkan::Device& device_;

@@ -1,9 +1,10 @@
 #include <cassert>
 #include <chrono>
 
-#include "src/core/error.h"
 #include "src/core/log.h"
 #include "src/grays/grays.h"
+#include "src/grays/page_plan.h"
+#include "src/grays/paged_tracer.h"
 #include "src/grays/resolve.h"
 #include "src/grays/tables.h"
 #include "src/grays/vulkan_passes.h"
@@ -12,46 +13,32 @@ namespace trex {
 
 namespace {
 
-/// Queries and results of two batches of a million cones, and records of photons.
-constexpr std::uint64_t kWorkBytes = 160u << 20;
+/// Queries and results of two batches of 2^17 cones, and records of photons.
+constexpr std::uint64_t kWorkBytes = 24u << 20;
 
-/// Says what the tree needs, and what the device has, before the first byte is allocated.
-void requireRoom(const vulkan::Device& device, const asvo::Tree& tree) {
+/// Whether all of a tree fits on the device, with its light and flux and what tracing needs.
+bool fits(const vulkan::Device& device, const asvo::Tree& tree) {
   const std::uint64_t nodes = tree.nodes.size(), leaves = tree.leaves.size();
+  if (leaves == 0) return true;
   const std::uint64_t sums = leaves * kWordsPerLeaf * 4;
-  const std::uint64_t range = device.info().maxStorageBufferRange;
-  const std::uint64_t largest = std::max(sums, nodes * sizeof(asvo::uvec4));
-  if (largest > range) {
-    fail(ExitCode::kMemoryOrDevice,
-         "a voxel tree of {} leaves needs a storage buffer of {} bytes but {} offers at most {}: "
-         "lower the voxel depth, choose another `--device N`, or use `--device none`",
-         leaves, largest, device.info().name, range);
-  }
-  const std::uint64_t grid = leaves > 0 ? std::uint64_t{8} << (3 * photonGridLevel(tree.info)) : 0;
-  const std::uint64_t bricks = leaves > 0 ? brickCount(tree) : 0;
-  const std::uint64_t need = (2 * nodes + bricks) * 16 + leaves * 8 + 2 * sums + grid;
-  if (need > device.maxBytes()) {
-    fail(ExitCode::kMemoryOrDevice,
-         "a voxel tree of {} leaves needs {} bytes but {} are allowed on {}: raise "
-         "`--max-gpu-memory`, lower the voxel depth, or use `--device none`",
-         leaves, need, device.maxBytes(), device.info().name);
-  }
-  if (need + kWorkBytes > device.maxBytes()) {
-    logVerbose("{}: little memory is left for batches of cones ({} of {} bytes taken)",
-               device.info().name, need, device.maxBytes());
-  }
+  const std::uint64_t grids = (std::uint64_t{8} << (3 * photonGridLevel(tree.info))) +
+                              (std::uint64_t{8} << (3 * coneGridLevel(tree.info)));
+  const std::uint64_t need =
+      (2 * nodes + brickCount(tree)) * 16 + leaves * 8 + 2 * sums + grids + kWorkBytes;
+  return std::max(sums, nodes * 16) <= device.info().maxStorageBufferRange &&
+         need <= device.maxBytes();
 }
 
 class VulkanTracer final : public GRayTracer {
  public:
   VulkanTracer(const asvo::Tree& tree, std::span<const shaderio::PhotonMaterial> materials,
-               const vulkan::DeviceOptions& options, bool storageBuffers)
+               std::unique_ptr<vulkan::Device> device, bool storageBuffers)
       : tree_(tree),
         materials_(materials.begin(), materials.end()),
         light_(tree.nodes.size()),
         coneTable_(tree),
-        device_(options) {
-    requireRoom(device_, tree);
+        owned_(std::move(device)),
+        device_(*owned_) {
     if (tree.info.leafCount > 0) {
       buffers_.emplace(device_, tree, storageBuffers);
       gather_.emplace(device_, *buffers_, tree);
@@ -87,6 +74,7 @@ class VulkanTracer final : public GRayTracer {
   void resetFlux() override {
     light_.restart();
     if (photons_) photons_->reset();
+    hasFlux_ = false;
   }
 
   void refresh(std::span<const shaderio::PhotonMaterial> materials) override {
@@ -109,6 +97,7 @@ class VulkanTracer final : public GRayTracer {
     }
     if (!photons_) photons_.emplace(device_, *buffers_, materials_);
     const PhotonPass::Counts counts = photons_->trace(records, static_cast<float>(1.0 / unit));
+    hasFlux_ = true;
     statistics_.photonDeposits += counts.deposits;
     statistics_.lostDeposits += counts.lost;
     statistics_.photonSeconds +=
@@ -137,6 +126,11 @@ class VulkanTracer final : public GRayTracer {
     return s;
   }
 
+  Successor handOver() override {
+    light_.restart();
+    return {makeCpuTracer(tree_, materials_, light_.take()), hasFlux_};
+  }
+
  private:
   void refreshCones() {
     if (!coneTable_.stale()) return;
@@ -149,12 +143,14 @@ class VulkanTracer final : public GRayTracer {
   std::vector<shaderio::PhotonMaterial> materials_;
   LightBuffers light_;
   ConeTable coneTable_;
-  vulkan::Device device_;
+  std::unique_ptr<vulkan::Device> owned_;
+  vulkan::Device& device_;
   std::optional<TreeBuffers> buffers_;  // none for an empty tree: every cone is clear
   std::optional<GatherPass> gather_;
   std::optional<PhotonPass> photons_;
   std::array<std::vector<shaderio::GatherResult>, 2> clear_;
   unsigned nextClear_ = 0;
+  bool hasFlux_ = false;
   std::uint64_t cones_ = 0;
   double unit_ = 0.0;
   GRayStatistics statistics_;
@@ -173,7 +169,12 @@ std::unique_ptr<GRayTracer> makeVulkanTracer(const asvo::Tree& tree,
   options.failAllocation = limits.failAllocation;
   options.failSubmit = limits.failSubmit;
   options.failWait = limits.failWait;
-  return std::make_unique<VulkanTracer>(tree, materials, options, limits.storageBuffers);
+  auto made = std::make_unique<vulkan::Device>(options);
+  if (!fits(*made, tree)) {
+    return makePagedTracer(tree, materials, std::move(made), limits.storageBuffers,
+                           limits.pageBits > 0 ? limits.pageBits : kPageBits);
+  }
+  return std::make_unique<VulkanTracer>(tree, materials, std::move(made), limits.storageBuffers);
 }
 
 }  // namespace trex

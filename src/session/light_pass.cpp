@@ -65,6 +65,7 @@ void LightPass::shoot(std::uint64_t count) {
         {p.position, cache_.tracer().asvoOctEncode(p.normal), p.power * inverse, p.index});
   }
   if (!records.empty()) device_.tracePhotons(records, unit_);
+  noticeLoss();  // these records are not among the lost
   emitted_ += count;
   landed_ += records.size();
   if (guides_.empty()) return;
@@ -74,22 +75,33 @@ void LightPass::shoot(std::uint64_t count) {
   unlearned_.clear();
 }
 
+/// Whether the device has lost the flux of all photons so far.
+bool LightPass::noticeLoss() {
+  const bool lost = device_.fluxLosses() != losses_;
+  losses_ = device_.fluxLosses();
+  if (lost) lost_ = emitted_;
+  return lost;
+}
+
 bool LightPass::run(std::uint64_t target, const std::function<bool()>& keepGoing) {
   if (target <= resolved_ || !lights_.anyPower()) return true;
   const auto start = std::chrono::steady_clock::now();
   bool going = true;
-  while (emitted_ < target && (going = keepGoing())) {
-    const auto mark = std::chrono::steady_clock::now();
-    const std::uint64_t count = std::min({chunk_, boundary() - emitted_, target - emitted_});
-    shoot(count);
-    const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - mark;
-    if (taken.count() > 1.5 * kChunkSeconds) chunk_ = std::max<std::uint64_t>(chunk_ / 2, 256);
-    if (taken.count() < 0.5 * kChunkSeconds) chunk_ = std::min(chunk_ * 2, kBatch);
-  }
-  going = going && device_.resolveLight(emitted_, keepGoing);
+  noticeLoss();  // while cones were traced
+  do {
+    while (counted() < target && (going = keepGoing())) {
+      const auto mark = std::chrono::steady_clock::now();
+      const std::uint64_t count = std::min({chunk_, boundary() - emitted_, target - counted()});
+      shoot(count);
+      const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - mark;
+      if (taken.count() > 1.5 * kChunkSeconds) chunk_ = std::max<std::uint64_t>(chunk_ / 2, 256);
+      if (taken.count() < 0.5 * kChunkSeconds) chunk_ = std::min(chunk_ * 2, kBatch);
+    }
+    going = going && device_.resolveLight(counted(), keepGoing);
+  } while (noticeLoss());
   if (going) {
     cache_.setLight(device_.light(), scale_);
-    resolved_ = emitted_;
+    resolved_ = counted();
   }
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
   seconds_ += taken.count();

@@ -125,11 +125,8 @@ Preflight preflight(const Scene& scene, const RenderSettings& settings, const Pi
   logVerbose("memory: {:>10} allowed", formatBytes(p.allowed));
   if (p.needed > p.allowed) refuse(p, settings);
   if (voxels) {
+    // What does not fit on the device is paged.
     p.voxelBytes = kFewestVoxelBytes + (p.allowed - p.needed) / kVoxelCopies;
-    // The device holds the tree, its light and flux, and batches of cones.
-    if (settings.maxGpuMemory > 0) {
-      p.voxelBytes = std::min(p.voxelBytes, settings.maxGpuMemory / 2);
-    }
   }
   return p;
 }

@@ -45,7 +45,7 @@ struct SessionReport {
   double renderSeconds = 0;  ///< in run(), and aiming photons before
   double photonSeconds = 0;  ///< of these
   double filterSeconds = 0;  ///< of the last picture()
-  std::uint64_t deviceBytes = 0;
+  GRayStatistics gRays;
   std::uint32_t samplesDone = 0;  ///< complete passes
   std::uint64_t photons = 0, photonsLanded = 0, nonFinite = 0;
   RayCounts rays;

@@ -36,7 +36,11 @@ std::unique_ptr<GRayTracer> Session::makeDevice(const std::vector<Material>& mat
                                                 const RenderSettings& settings) {
   const auto photons = photonMaterials(materials, images);
   if (settings.device == RenderSettings::kNoDevice) return makeCpuTracer(tree, photons);
-  return makeVulkanTracer(tree, photons, settings.device, {.maxBytes = settings.maxGpuMemory});
+  auto device =
+      makeVulkanTracer(tree, photons, settings.device, {.maxBytes = settings.maxGpuMemory});
+  // A device that was asked for by its number is not left silently.
+  if (settings.device != RenderSettings::kBestDevice) return device;
+  return makeFallbackTracer(std::move(device));
 }
 
 void Session::setVoxels(std::shared_ptr<const asvo::Tree> tree,

@@ -83,7 +83,8 @@ SessionReport Session::report() const {
     out.photonsLanded = side->pass->landed();
     out.photonSeconds = side->pass->seconds();
     out.lightScale = side->pass->scale();
-    out.deviceBytes = side->device->statistics().deviceBytes;
+    out.gRays = side->device->statistics();
+    out.device = side->device->name();  // it may have failed, and another gone on
   }
   out.nonFinite = frame_->sums.nonFiniteCount();
   return out;

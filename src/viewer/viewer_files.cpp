@@ -74,7 +74,7 @@ ViewerFigures Viewer::figures() const {
   f.voxelDepth = voxelDepth();
   f.meshBytes = r.mesh.meshBytes + r.mesh.topLevelBytes;
   f.voxelBytes = r.voxelBytes;
-  f.deviceBytes = r.deviceBytes;
+  f.deviceBytes = r.gRays.deviceBytes;
   if (m.rates.seconds > 0.0) {
     f.cRaysPerSecond = m.rates.cRays / m.rates.seconds;
     f.gRaysPerSecond = m.rates.gRays / m.rates.seconds;

@@ -151,30 +151,48 @@ Batch::~Batch() {
   impl_->release();
 }
 
-void Batch::dispatch(const Kernel& kernel, const Bindings& bindings,
-                     std::span<const std::byte> pushConstants, std::uint32_t groups) {
+/// Records what `function` does into a command buffer of its own, with a barrier behind it.
+template <typename Function>
+void Batch::record(const std::string& what, const Function& function) {
   Device::Impl& d = *impl_->d;
-  const Kernel::Impl& k = kernel.impl();
-  d.requireAlive("recording " + k.name);
-  assert(!impl_->submitted && pushConstants.size() == k.pushBytes);
-  assert(groups <= d.info.maxWorkgroupCount);
+  d.requireAlive("recording " + what);
+  assert(!impl_->submitted);
   if (impl_->recorded == impl_->slices.size()) {
     impl_->slices.push_back(makeCommandBuffer(d, impl_->pool));
   }
   const VkCommandBuffer commands = impl_->slices[impl_->recorded];
   beginCommands(d, commands);
-  d.f.vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, k.pipeline);
-  const VkDescriptorSet set = bindings.impl().set;
-  d.f.vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, k.layout, 0, 1, &set, 0,
-                              nullptr);
-  if (k.pushBytes > 0) {
-    d.f.vkCmdPushConstants(commands, k.layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, k.pushBytes,
-                           pushConstants.data());
-  }
-  d.f.vkCmdDispatch(commands, groups, 1, 1);
+  function(commands);
   fullBarrier(d.f, commands);
-  d.check(d.f.vkEndCommandBuffer(commands), "recording " + k.name);
+  d.check(d.f.vkEndCommandBuffer(commands), "recording " + what);
   ++impl_->recorded;
+}
+
+void Batch::dispatch(const Kernel& kernel, const Bindings& bindings,
+                     std::span<const std::byte> pushConstants, std::uint32_t groups) {
+  const Device::Impl& d = *impl_->d;
+  const Kernel::Impl& k = kernel.impl();
+  assert(pushConstants.size() == k.pushBytes && groups <= d.info.maxWorkgroupCount);
+  record(k.name, [&](VkCommandBuffer commands) {
+    d.f.vkCmdBindPipeline(commands, VK_PIPELINE_BIND_POINT_COMPUTE, k.pipeline);
+    const VkDescriptorSet set = bindings.impl().set;
+    d.f.vkCmdBindDescriptorSets(commands, VK_PIPELINE_BIND_POINT_COMPUTE, k.layout, 0, 1, &set, 0,
+                                nullptr);
+    if (k.pushBytes > 0) {
+      d.f.vkCmdPushConstants(commands, k.layout, VK_SHADER_STAGE_COMPUTE_BIT, 0, k.pushBytes,
+                             pushConstants.data());
+    }
+    d.f.vkCmdDispatch(commands, groups, 1, 1);
+  });
+}
+
+void Batch::copy(const Buffer& from, std::uint64_t fromOffset, const Buffer& to,
+                 std::uint64_t toOffset, std::uint64_t bytes) {
+  assert(fromOffset + bytes <= from.size() && toOffset + bytes <= to.size());
+  record("a copy to " + to.impl().name, [&](VkCommandBuffer commands) {
+    const VkBufferCopy region{fromOffset, toOffset, bytes};
+    impl_->d->f.vkCmdCopyBuffer(commands, from.impl().buffer, to.impl().buffer, 1, &region);
+  });
 }
 
 void Batch::submit() {

@@ -11,7 +11,14 @@ namespace trex::vulkan {
 
 namespace {
 
-constexpr std::uint64_t kStagingBytes = 8u << 20;
+constexpr std::uint64_t kStagingBytes = 8u << 20, kLeastStagingBytes = 64u << 10;
+
+/// Size of a buffer to copy `bytes` through: what is allowed may be almost used up.
+std::uint64_t stagingBytes(const Device& device, std::uint64_t bytes) {
+  const std::uint64_t left =
+      device.maxBytes() - std::min(device.maxBytes(), device.allocatedBytes());
+  return std::min({kStagingBytes, bytes, std::max(left / 2, kLeastStagingBytes)});
+}
 
 // Sizes are told before anything is allocated, so that the message can say what to do.
 void requireRoom(const Device& device, const std::string& name, std::uint64_t bytes) {
@@ -124,8 +131,7 @@ void Buffer::upload(std::span<const std::byte> bytes, std::uint64_t offset) {
     std::memcpy(mapped() + offset, bytes.data(), bytes.size());
     return;
   }
-  Buffer staging(*impl_->owner, "staging", std::min<std::uint64_t>(kStagingBytes, bytes.size()),
-                 Place::kHost);
+  Buffer staging(*impl_->owner, "staging", stagingBytes(*impl_->owner, bytes.size()), Place::kHost);
   OneShot shot(*impl_->owner);
   for (std::size_t done = 0; done < bytes.size();) {
     const std::size_t part = std::min<std::size_t>(staging.size(), bytes.size() - done);
@@ -142,8 +148,7 @@ void Buffer::download(std::span<std::byte> bytes, std::uint64_t offset) const {
     std::memcpy(bytes.data(), mapped() + offset, bytes.size());
     return;
   }
-  Buffer staging(*impl_->owner, "staging", std::min<std::uint64_t>(kStagingBytes, bytes.size()),
-                 Place::kHost);
+  Buffer staging(*impl_->owner, "staging", stagingBytes(*impl_->owner, bytes.size()), Place::kHost);
   OneShot shot(*impl_->owner);
   for (std::size_t done = 0; done < bytes.size();) {
     const std::size_t part = std::min<std::size_t>(staging.size(), bytes.size() - done);

@@ -170,9 +170,9 @@ class Bindings {
   std::unique_ptr<Impl> impl_;
 };
 
-/// Commands recorded, submitted and waited for as one. Reusable after wait(). Dispatches of one
-/// batch run in order, each seeing the writes of those before it. Each is submitted on its own, so
-/// a device's watchdog sees short pieces of work.
+/// Commands recorded, submitted and waited for as one. Reusable after wait(). Dispatches and copies
+/// of one batch run in order, each seeing the writes of those before it. Each is submitted on its
+/// own, so a device's watchdog sees short pieces of work.
 class Batch {
  public:
   explicit Batch(Device& device);
@@ -183,6 +183,10 @@ class Batch {
   /// Records `groups` workgroups (at most maxWorkgroupCount) along x.
   void dispatch(const Kernel& kernel, const Bindings& bindings,
                 std::span<const std::byte> pushConstants, std::uint32_t groups);
+  /// Records a copy of bytes between two buffers. Dispatches recorded later see it, those submitted
+  /// before have ended when it runs.
+  void copy(const Buffer& from, std::uint64_t fromOffset, const Buffer& to, std::uint64_t toOffset,
+            std::uint64_t bytes);
   /// Hands the recorded work to the device and returns at once.
   void submit();
   /// Returns when the work is done. Throws if the device is lost. Without a submit: nothing.
@@ -193,6 +197,8 @@ class Batch {
   struct Impl;
 
  private:
+  template <typename Function>
+  void record(const std::string& what, const Function& function);
   std::unique_ptr<Impl> impl_;
 };
 

@@ -1,6 +1,10 @@
 // Speed of G-rays: gathering cones and photon segments a second, on the device and in the C++
 // build, as JSON on stdout. Usage: grays_bench [--depth 8] [--cones 1000000] [--photons 200000]
-// [--repeats 7] [--device N|none] [--storage-buffers 0|1]
+// [--repeats 7] [--device N|none] [--storage-buffers 0|1] [--limits 1] [--page-bits 10]
+//
+// --limits 1: cones alone, with device memory of 100 %, 50 %, ... of what the tree takes that fits,
+// as a table: rates beside the unlimited device's in the same run, and what the missing pages
+// change.
 //
 // The scene is a furnished room (tests/gpu/room.h). Cones start some voxels off a random point
 // inside, in random directions, with tanHalf in [0.15, 0.3): incoherent, as diffuse gathering asks
@@ -9,6 +13,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdlib>
 #include <ctime>
 #include <functional>
@@ -29,7 +34,7 @@ using namespace trex;
 
 struct Options {
   int depth = 8, repeats = 7, device = -1;
-  bool useDevice = true;
+  bool useDevice = true, limitsAlone = false;
   VulkanLimits limits;
   std::size_t cones = 1'000'000, photons = 200'000;
 };
@@ -142,12 +147,102 @@ Options parse(int argc, char** argv) {
     if (key == "--cones") options.cones = static_cast<std::size_t>(std::atoll(value));
     if (key == "--photons") options.photons = static_cast<std::size_t>(std::atoll(value));
     if (key == "--storage-buffers") options.limits.storageBuffers = std::atoi(value) != 0;
+    if (key == "--limits") options.limitsAlone = std::atoi(value) != 0;
+    if (key == "--page-bits") {
+      options.limits.pageBits = static_cast<std::uint32_t>(std::atoi(value));
+    }
     if (key == "--device") {
       options.useDevice = std::string_view(value) != "none";
       if (options.useDevice) options.device = std::atoi(value);
     }
   }
   return options;
+}
+
+/// Batches as a frame's: one is made ready while the one before it is traced.
+std::vector<shaderio::GatherResult> gatherAll(GRayTracer& tracer,
+                                              std::span<const shaderio::GatherQuery> queries) {
+  constexpr std::size_t kBatch = 1u << 14;
+  std::vector<shaderio::GatherResult> all;
+  const auto take = [&](int ticket) {
+    const auto results = tracer.finishGather(ticket);
+    all.insert(all.end(), results.begin(), results.end());
+  };
+  int before = -1;
+  for (std::size_t first = 0; first < queries.size(); first += kBatch) {
+    const int ticket =
+        tracer.submitGather(queries.subspan(first, std::min(kBatch, queries.size() - first)));
+    if (before >= 0) take(before);
+    before = ticket;
+  }
+  if (before >= 0) take(before);
+  return all;
+}
+
+/// One row of the table of limits.
+struct Limited {
+  std::string name;
+  std::uint64_t bytes = 0;
+  std::unique_ptr<GRayTracer> tracer;
+  std::vector<double> seconds;
+  double mean = 0.0, rms = 0.0;  // of its answers against the unlimited, relative
+};
+
+void measureLimits(const Options& options, const asvo::Tree& tree,
+                   std::span<const shaderio::GatherQuery> queries,
+                   std::span<const shaderio::PhotonRecord> records) {
+  const std::vector<shaderio::PhotonMaterial> materials(1);
+  std::vector<Limited> rows;
+  std::vector<shaderio::GatherResult> whole;
+  for (const int percent : {0, 100, 50, 25, 10, 5, 2, 1}) {
+    Limited& row = rows.emplace_back();
+    VulkanLimits limits = options.limits;
+    row.bytes = percent == 0 ? 0 : rows[0].bytes / 100 * static_cast<std::uint64_t>(percent);
+    limits.maxBytes = row.bytes;
+    row.name = percent == 0 ? "none" : fmt::format("{} %", percent);
+    row.tracer = makeVulkanTracer(tree, materials, options.device, limits);
+    row.tracer->tracePhotons(records, 1e-6);
+    row.tracer->resolveLight(records.size());
+    const auto results = gatherAll(*row.tracer, queries);
+    if (percent == 0) {
+      whole = results;
+      row.bytes = row.tracer->statistics().deviceBytes;
+    }
+    double sum = 0.0, expected = 0.0, square = 0.0;
+    for (std::size_t i = 0; i < results.size(); ++i) {
+      const double a = results[i].radiance.x, b = whole[i].radiance.x;
+      sum += a;
+      expected += b;
+      square += (a - b) * (a - b);
+    }
+    const auto count = static_cast<double>(results.size());
+    row.mean = sum / expected;
+    row.rms = std::sqrt(square / count) / (expected / count);
+  }
+  for (int i = 0; i < options.repeats; ++i) {
+    for (Limited& row : rows) {
+      row.seconds.push_back(secondsOf([&] { gatherAll(*row.tracer, queries); }));
+    }
+  }
+  fmt::print("{} voxels, {} leaves, {} bytes on the device without a limit\n", tree.info.nodeCount,
+             tree.info.leafCount, rows[0].bytes);
+  fmt::print(
+      "| limit | MiB | pages at a time | cones/s | of unlimited | mean | RMS | missed reads a "
+      "cone | pages loaded |\n|---|---|---|---|---|---|---|---|---|\n");
+  const auto median = [](std::vector<double>& values) {
+    std::sort(values.begin(), values.end());
+    return values[values.size() / 2];
+  };
+  const double unlimited = median(rows[0].seconds);
+  for (Limited& row : rows) {
+    const GRayStatistics s = row.tracer->statistics();
+    const double seconds = median(row.seconds);
+    fmt::print("| {} | {:.1f} | {} of {} | {:.2f} M | {:.2f} | {:.3f} | {:.3f} | {:.3f} | {} |\n",
+               row.name, static_cast<double>(row.bytes) / 1048576.0, s.pageSlots, s.pages,
+               static_cast<double>(queries.size()) / seconds / 1e6, unlimited / seconds, row.mean,
+               row.rms, static_cast<double>(s.missedReads) / static_cast<double>(s.cones),
+               s.pageLoads);
+  }
 }
 
 int run(const Options& options) {
@@ -157,6 +252,10 @@ int run(const Options& options) {
   const auto queries = makeQueries(tree, options.cones);
   const auto records = makeRecords(tree, options.photons);
   const std::vector<shaderio::PhotonMaterial> materials(1);
+  if (options.limitsAlone) {
+    measureLimits(options, tree, queries, records);
+    return 0;
+  }
 
   std::string results;
   if (options.useDevice) {

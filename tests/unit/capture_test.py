@@ -30,8 +30,8 @@ class CaptureTest(unittest.TestCase):
                 f.write(text)
         return path
 
-    def render(self, *arguments, code=0, says=""):
-        result = run("render", self.cornell, "--device", "none", *arguments)
+    def render(self, *arguments, code=0, says="", device="none"):
+        result = run("render", self.cornell, "--device", device, *arguments)
         self.assertEqual(result.returncode, code, result.stderr)
         self.assertIn(says, result.stderr)
         return result
@@ -129,14 +129,31 @@ class CaptureTest(unittest.TestCase):
 
     def test_a_lost_device_leaves_the_picture_so_far(self):
         out = self.path("a.exr")
-        environment = {**os.environ, "TREX_FAIL_SUBMIT": "60"}
-        result = subprocess.run([TREX, "render", self.cornell, "-o", out, "--size", "64x64", "--spp", "5000",
-                                 "--guess", "cone", "--aov", "sampleCount"],
-                                capture_output=True, text=True, timeout=600, env=environment)
+        result = self.lose_device(60, "-o", out, "--spp", 5000, "--device", 0, "--aov", "sampleCount")
         self.assertEqual(result.returncode, 4, result.stderr)
         self.assertIn("--device none", result.stderr)
         self.assertIn("saved after", result.stderr)
         self.assertEqual(run("diff", out, out).returncode, 0)
+
+    def lose_device(self, submit, *parts):
+        command = ["render", self.cornell, "--size", "64x64", "--guess", "cone", *parts]
+        return subprocess.run([TREX, *map(str, command)], capture_output=True, text=True, timeout=600,
+                              env={**os.environ, "TREX_FAIL_SUBMIT": str(submit)})
+
+    def test_after_a_lost_device_the_cpu_goes_on(self):
+        whole, out = self.path("whole.exr"), self.path("a.exr")
+        job = ["--spp", 32, "--denoise", "off"]
+        self.render("-o", whole, "--size", "64x64", "--guess", "cone", *job)
+        # While photons are shot, while cones are traced, before the second round of photons.
+        for submit in (1, 2, 12, 60):
+            result = self.lose_device(submit, "-o", out, *job, "--json")
+            self.assertEqual(result.returncode, 0, result.stderr)
+            self.assertEqual(result.stderr.count("going on with the C++ tracer"), 1, result.stderr)
+            self.assertIn(", then cpu", json.loads(result.stdout)["device"])
+            self.assertIn(b", then cpu", read(out))
+            self.assertEqual(json.loads(result.stdout)["samples"], 32)
+            diff = run("diff", out, whole, "--metric", "flip", "--max", 0.03)
+            self.assertEqual(diff.returncode, 0, (submit, diff.stdout, diff.stderr))
 
     def test_several_cameras_make_numbered_pictures(self):
         views = ["0,1,3.2/0,1,0/0,1,0/40", "0.5,1,3.2/0,1,0/0,1,0/40"]
@@ -207,14 +224,27 @@ class CaptureTest(unittest.TestCase):
         self.assertEqual(result.returncode, 4)
 
     def test_device_memory_limit(self):
-        for limit in ("8M", "64M"):
-            result = run("render", self.cornell, "-o", self.path("a.exr"), "--size", "256x256", "--spp", 1,
-                         "--max-gpu-memory", limit, "--json")
-            self.assertIn(result.returncode, (0, 4), result.stderr)
-            if result.returncode == 0:
-                self.assertLessEqual(json.loads(result.stdout)["device_bytes"], int(limit[:-1]) << 20)
-            else:
-                self.assertIn("--max-gpu-memory", result.stderr)
+        """What does not fit on the device is paged: the picture is complete and nearly the same."""
+        whole, out = self.path("whole.exr"), self.path("a.exr")
+        job = ["--size", "200x200", "--spp", 4, "--denoise", "off", "--guess", "cone", "--json"]
+        full = json.loads(self.render("-o", whole, *job, device="auto").stdout)
+        self.assertNotIn("voxel_pages", full)
+        for limit, flip in ((64 << 20, 0.05), (4 << 20, 0.05), (1 << 20, 0.1)):
+            summary = json.loads(self.render("-o", out, *job, "--max-gpu-memory", limit, device="auto").stdout)
+            self.assertLessEqual(summary["device_bytes"], limit)
+            self.assertEqual(summary["voxel_depth"], full["voxel_depth"])
+            self.assertEqual(summary["nonfinite_samples"], 0)
+            if limit < 2 << 20:
+                self.assertLess(summary["voxel_page_slots"], summary["voxel_pages"])
+                self.assertGreater(summary["voxel_page_loads"], 0)
+                first = read(out)
+                self.render("-o", out, *job, "--max-gpu-memory", limit, device="auto")
+                self.assertEqual(read(out), first, "not the same bits again")
+            diff = run("diff", out, whole, "--metric", "flip", "--max", flip)
+            self.assertEqual(diff.returncode, 0, (limit, diff.stdout, diff.stderr))
+        result = self.render("-o", out, *job, "--max-gpu-memory", "64K", device="auto", code=4,
+                             says="--max-gpu-memory")
+        self.assertIn("bytes", result.stderr)
 
 
 if __name__ == "__main__":
