@@ -1,36 +1,56 @@
-# Fuzz targets (libFuzzer, so clang alone); see scripts/fuzz. A target is tests/fuzz/fuzz_NAME.cpp.
-if(NOT CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
-  message(FATAL_ERROR "TREX_FUZZ needs clang: use the preset `fuzz`")
+# Fuzz targets: tests/fuzz/fuzz_NAME.cpp. With TREX_FUZZ on libFuzzer (clang; see scripts/fuzz), under
+# TREX_SANITIZE as tests that make the same changes every time.
+if(TREX_FUZZ)
+  if(NOT CMAKE_CXX_COMPILER_ID STREQUAL "Clang")
+    message(FATAL_ERROR "TREX_FUZZ needs clang: use the preset `fuzz`")
+  endif()
+  # The warnings are gcc's business; clang has others.
+  target_compile_options(trex_options INTERFACE -w -fsanitize=fuzzer-no-link,address,undefined
+    -fno-sanitize-recover=all -fno-omit-frame-pointer)
+  target_link_options(trex_options INTERFACE -fsanitize=address,undefined)
 endif()
-# The warnings are gcc's business; clang has others.
-target_compile_options(trex_options INTERFACE -w -fsanitize=fuzzer-no-link,address,undefined
-  -fno-sanitize-recover=all -fno-omit-frame-pointer)
-target_link_options(trex_options INTERFACE -fsanitize=address,undefined)
 
 add_custom_target(fuzz)
-function(trex_fuzz name)
+# `runs`: of the test.
+function(trex_fuzz name runs)
   add_executable(fuzz_${name} ${CMAKE_CURRENT_FUNCTION_LIST_DIR}/fuzz_${name}.cpp)
   target_link_libraries(fuzz_${name} PRIVATE ${ARGN})
-  target_link_options(fuzz_${name} PRIVATE -fsanitize=fuzzer)
   add_dependencies(fuzz fuzz_${name})
+  if(TREX_FUZZ)
+    target_link_options(fuzz_${name} PRIVATE -fsanitize=fuzzer)
+    return()
+  endif()
+  target_sources(fuzz_${name} PRIVATE ${CMAKE_CURRENT_FUNCTION_LIST_DIR}/standalone.cpp)
+  target_compile_options(fuzz_${name} PRIVATE -Wno-conversion)  # mutators cut numbers on purpose
+  add_test(NAME fuzz_${name} COMMAND fuzz_${name} ${CMAKE_BINARY_DIR}/seeds/${name} ${runs})
+  set_tests_properties(fuzz_${name} PROPERTIES FIXTURES_REQUIRED fuzz_seeds TIMEOUT 300)
 endfunction()
 
 trex_library(trex_fuzz_import SOURCES ${CMAKE_CURRENT_LIST_DIR}/fuzz.cpp LINK trex_scene)
-trex_fuzz(gltf trex_fuzz_import)
-trex_fuzz(glb trex_fuzz_import)
-trex_fuzz(ply trex_fuzz_import)
-trex_fuzz(obj trex_fuzz_import)
-trex_fuzz(hccm hccmesh)
-trex_fuzz(pages hccmesh)
+trex_fuzz(gltf 1000 trex_fuzz_import)
+trex_fuzz(glb 1000 trex_fuzz_import)
+trex_fuzz(ply 5000 trex_fuzz_import)
+trex_fuzz(obj 5000 trex_fuzz_import)
+trex_fuzz(hccm 3000 hccmesh)
+trex_fuzz(pages 10000 hccmesh)
 find_path(XXHASH_INCLUDE_DIR xxhash.h REQUIRED)
 target_include_directories(fuzz_pages SYSTEM PRIVATE ${XXHASH_INCLUDE_DIR})
-trex_fuzz(pack hccmesh)
-trex_fuzz(asvo asvo)
-trex_fuzz(scene trex_bundle)
-trex_fuzz(bundle trex_bundle)
+trex_fuzz(pack 5000 hccmesh)
+trex_fuzz(asvo 5000 asvo)
+trex_fuzz(scene 1000 trex_bundle)
+trex_fuzz(bundle 1000 trex_bundle)
 
 add_executable(fuzz_seeds ${CMAKE_CURRENT_LIST_DIR}/make_seeds.cpp)
 target_link_libraries(fuzz_seeds PRIVATE hccmesh asvo)
 add_executable(fuzz_bundle_seeds ${CMAKE_CURRENT_LIST_DIR}/make_bundle_seeds.cpp)
 target_link_libraries(fuzz_bundle_seeds PRIVATE trex_bundle)
 add_dependencies(fuzz fuzz_seeds fuzz_bundle_seeds)
+if(NOT TREX_FUZZ)
+  set(seeds ${CMAKE_BINARY_DIR}/seeds)
+  add_test(NAME fuzz_text_seeds
+    COMMAND ${Python3_EXECUTABLE} ${CMAKE_CURRENT_LIST_DIR}/make_seeds.py ${seeds})
+  add_test(NAME fuzz_seeds COMMAND fuzz_seeds ${seeds})
+  add_test(NAME fuzz_bundle_seeds COMMAND fuzz_bundle_seeds ${seeds})
+  set_tests_properties(fuzz_text_seeds fuzz_seeds fuzz_bundle_seeds PROPERTIES
+    FIXTURES_SETUP fuzz_seeds)
+endif()
