@@ -28,6 +28,7 @@ std::uint64_t jobKey(const RenderArguments& a, const Model& model, const std::ve
   // A memory limit may have made the voxels coarser.
   if (model.voxels) text += fmt::format(" {}", model.voxels->info.leafCount);
   if (!a.edits.empty()) text += fmt::format(" {:016x}", hashFile(a.edits));
+  for (const std::string& volume : a.volumes) text += ' ' + volume;
   for (const std::string& layer : a.layers) text += ' ' + layer;
   for (const View& view : views) text += ' ' + cameraText(view.camera);
   return hashText(text);

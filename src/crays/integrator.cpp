@@ -80,7 +80,13 @@ struct Integrator::Path {
 
 Integrator::Integrator(const Scene& scene, const RayScene& rays, const LightSet& lights,
                        const CameraRays& camera, const GuessOptions& guess, std::uint32_t seed)
-    : scene_(scene), rays_(rays), lights_(lights), camera_(camera), guess_(guess), seed_(seed) {
+    : scene_(scene),
+      rays_(rays),
+      lights_(lights),
+      camera_(camera),
+      media_(rays.media()),
+      guess_(guess),
+      seed_(seed) {
   for (const Material& m : scene.materials) transparent_ |= m.alphaMode != AlphaMode::kOpaque;
 }
 
@@ -105,10 +111,12 @@ PathSample Integrator::sample(std::uint32_t x, std::uint32_t y, std::uint32_t wi
 /// Finds the next surface. False if the path has left the scene or a cone goes on in its place.
 bool Integrator::advance(Path& path) const {
   ++path.counts.cRays;
-  const bool cone = path.coneRay && path.coupled;
-  const float near = guess_.cache ? guess_.footprint.cacheVoxels * guess_.cache->leafSize() /
-                                        guess_.footprint.diffuseSpread
-                                  : 0.0f;
+  bool cone = path.coneRay && path.coupled;
+  const float near = nearField();
+  // Voxels know nothing of media: a cone whose axis meets one is an exact ray into cached light.
+  if (media_ != nullptr && cone) {
+    cone = !media_->meets(path.origin, path.direction, path.tnear, kInfinity);
+  }
   if (rays_.intersect(path.origin, path.direction, path.tnear, cone ? near : kInfinity, path.hit)) {
     return true;
   }
@@ -124,6 +132,7 @@ bool Integrator::advance(Path& path) const {
 }
 
 void Integrator::miss(Path& path) const {
+  if (media_ != nullptr) passMedia(path, kInfinity);
   if (!lights_.hasEnvironment()) return;
   const float weight =
       powerHeuristic(path.scatterPdf, lights_.pdfEnvironment(path.vertex, path.direction));
@@ -156,6 +165,7 @@ bool Integrator::meet(Path& path) const {
   const Surface surface = rays_.surface(path.hit);
   const Bsdf bsdf(scene_, surface, -path.direction);
   if (path.absorption != vec3(0.0f)) path.throughput *= glm::exp(-path.absorption * path.hit.t);
+  if (media_ != nullptr) passMedia(path, path.hit.t);
 
   if (bsdf.coverage() < 1.0f && path.sampler.next1D() >= bsdf.coverage()) {
     path.origin = surface.leave(path.direction);
@@ -184,7 +194,14 @@ bool Integrator::meet(Path& path) const {
                               lights_.pdfEmitter(path.vertex, surface.object, surface.material,
                                                  path.travelled + path.hit.t, cosine));
     }
-    path.add(path.throughput * bsdf.emission() * weight, path.scattered <= 1);
+    const vec3 light = path.throughput * bsdf.emission() * weight;
+    if (path.coneRay && path.coupled && path.travelled + path.hit.t > nearField()) {
+      // In place of a cone, which gathers no emission (sampleLight): the exact path's alone.
+      path.result.exact += light;
+      if (path.scattered <= 1) path.result.directExact += light;
+    } else {
+      path.add(light, path.scattered <= 1);
+    }
   }
   if (bsdf.unlit()) return false;
   if (path.coupled && guess_.cache && endInCache(path, surface, bsdf) && !path.part()) return false;
@@ -210,23 +227,67 @@ bool Integrator::endInCache(Path& path, const Surface& surface, const Bsdf& bsdf
   return true;
 }
 
+/// Metres from a surface that are its near field: no cone starts there.
+float Integrator::nearField() const {
+  return guess_.cache ? guess_.footprint.cacheVoxels * guess_.cache->leafSize() /
+                            guess_.footprint.diffuseSpread
+                      : 0.0f;
+}
+
+/// What a path meets of media on its next `distance` metres: their emission and light that they
+/// scatter once are added, what comes after is dimmed.
+void Integrator::passMedia(Path& path, float distance) const {
+  const MediaStretch s = media_->stretch(path.origin, path.direction, distance, path.sampler);
+  if (s.emission != vec3(0.0f)) path.add(path.throughput * s.emission, path.scattered <= 1);
+  if (s.scatter != vec3(0.0f)) {
+    const vec3 point = path.origin + path.direction * s.distance;
+    const vec3 light = scatteredLight(path, point, s.anisotropy);
+    if (light != vec3(0.0f)) path.add(path.throughput * s.scatter * light, path.scattered == 0);
+  }
+  path.throughput *= s.transmittance;
+}
+
+/// Light that arrives at a point of a medium from one light, and of a constant sky, times the phase
+/// function towards the path.
+vec3 Integrator::scatteredLight(Path& path, const vec3& point, float anisotropy) const {
+  vec3 sum(0.0f);
+  LightSample light;
+  if (!lights_.empty() && lights_.sample(point, path.sampler, light)) {
+    const float phase = henyeyGreenstein(glm::dot(light.direction, path.direction), anisotropy);
+    const float passed = visibility(path, point, light.direction, light.distance);
+    sum += light.radiance * (phase * passed / light.pdf);
+  }
+  if (lights_.hasConstantSky()) {
+    // In proportion to the phase function, which is the weight then.
+    const vec3 to = sampleHenyeyGreenstein(path.direction, anisotropy, path.sampler.next2D());
+    const float passed = visibility(path, point, to, kInfinity);
+    if (passed > 0.0f) sum += lights_.environment(to) * passed;
+  }
+  return sum;
+}
+
 /// Share of light that passes from origin along direction up to distance, [0, 1].
 float Integrator::visibility(Path& path, const vec3& origin, const vec3& direction,
                              float distance) const {
   ++path.counts.shadowRays;
   const float end = distance < kInfinity ? distance * 0.9999f : kInfinity;
-  if (!transparent_) return rays_.occluded(origin, direction, 0.0f, end) ? 0.0f : 1.0f;
+  const auto throughMedia = [&] {
+    return media_ != nullptr ? media_->transmittance(origin, direction, distance) : 1.0f;
+  };
+  if (!transparent_) {
+    return rays_.occluded(origin, direction, 0.0f, end) ? 0.0f : throughMedia();
+  }
   float passed = 1.0f, start = 0.0f;
   vec3 from = origin;
   for (int layer = 0; layer < kMostLayers && passed > 1e-4f; ++layer) {
     RayHit hit;
-    if (!rays_.intersect(from, direction, 0.0f, end - start, hit)) return passed;
+    if (!rays_.intersect(from, direction, 0.0f, end - start, hit)) return passed * throughMedia();
     const Surface surface = rays_.surface(hit);
     passed *= 1.0f - Bsdf(scene_, surface, -direction).coverage();
     from = surface.leave(direction);
     start += hit.t;
   }
-  return passed > 1e-4f ? passed : 0.0f;
+  return passed > 1e-4f ? passed * throughMedia() : 0.0f;
 }
 
 /// Next event estimation: one light. Shadow rays of small lights are C-rays; large ones are cones
@@ -243,9 +304,7 @@ void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsd
   const bool direct = path.scattered == 0;
   // A cone vertex gathers its far field without emission, so a far emitter is light sampling's
   // alone.
-  const float near = coneVertex ? guess_.footprint.cacheVoxels * guess_.cache->leafSize() /
-                                      guess_.footprint.diffuseSpread
-                                : 0.0f;
+  const float near = coneVertex ? nearField() : 0.0f;
   const bool farEmitter = coneVertex && light.distance < kInfinity && light.distance > near;
   const float guessWeight = farEmitter ? 1.0f : weight;
   const bool coneShadow =
@@ -263,6 +322,9 @@ void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsd
                                              2.0f * request.tanHalf * light.distance);
     request.jitter = path.sampler.next1D();
     request.background = unweighted * guessWeight;
+    if (media_ != nullptr) {
+      request.background *= media_->transmittance(origin, light.direction, light.distance);
+    }
     request.direct = direct;
     request.pixel = path.pixelTag;
     request.shadow = true;
