@@ -247,23 +247,54 @@ void Integrator::passMedia(Path& path, float distance) const {
   path.throughput *= s.transmittance;
 }
 
-/// Light that arrives at a point of a medium from one light, and of a constant sky, times the phase
-/// function towards the path.
+/// Light that arrives at a point of a medium, times the phase function towards the path: by light
+/// sampling and, for lights that rays can hit, by sampling the phase function, so that points close
+/// to a light of some size do not stand out.
 vec3 Integrator::scatteredLight(Path& path, const vec3& point, float anisotropy) const {
   vec3 sum(0.0f);
   LightSample light;
   if (!lights_.empty() && lights_.sample(point, path.sampler, light)) {
     const float phase = henyeyGreenstein(glm::dot(light.direction, path.direction), anisotropy);
+    const float weight = light.delta ? 1.0f : powerHeuristic(light.pdf, phase);
     const float passed = visibility(path, point, light.direction, light.distance);
-    sum += light.radiance * (phase * passed / light.pdf);
+    sum += light.radiance * (phase * weight * passed / light.pdf);
   }
-  if (lights_.hasConstantSky()) {
-    // In proportion to the phase function, which is the weight then.
+  if (lights_.canBeHit()) {
     const vec3 to = sampleHenyeyGreenstein(path.direction, anisotropy, path.sampler.next2D());
-    const float passed = visibility(path, point, to, kInfinity);
-    if (passed > 0.0f) sum += lights_.environment(to) * passed;
+    const float phase = henyeyGreenstein(glm::dot(to, path.direction), anisotropy);
+    sum += lightAlong(path, point, to, phase);
   }
   return sum;
+}
+
+/// Radiance of the light that a ray from a point of a medium meets, dimmed by media. `pdf`: density
+/// of the direction.
+vec3 Integrator::lightAlong(Path& path, const vec3& point, const vec3& direction, float pdf) const {
+  vec3 from = point;
+  float travelled = 0.0f;
+  ++path.counts.shadowRays;
+  for (int layer = 0; layer < kMostLayers; ++layer) {
+    RayHit hit;
+    if (!rays_.intersect(from, direction, 0.0f, kInfinity, hit)) {
+      if (!lights_.hasEnvironment()) return vec3(0.0f);
+      const float weight = powerHeuristic(pdf, lights_.pdfEnvironment(point, direction));
+      return lights_.environment(direction) *
+             (weight * media_->transmittance(point, direction, kInfinity));
+    }
+    const Surface surface = rays_.surface(hit);
+    const Bsdf bsdf(scene_, surface, -direction);
+    travelled += hit.t;
+    if (bsdf.coverage() < 1.0f && path.sampler.next1D() >= bsdf.coverage()) {
+      from = surface.leave(direction);
+      continue;
+    }
+    if (bsdf.unlit() || maxComponent(bsdf.emission()) <= 0.0f) return vec3(0.0f);
+    const float cosine = std::abs(glm::dot(surface.geometricNormal, direction));
+    const float weight = powerHeuristic(
+        pdf, lights_.pdfEmitter(point, surface.object, surface.material, travelled, cosine));
+    return bsdf.emission() * (weight * media_->transmittance(point, direction, travelled));
+  }
+  return vec3(0.0f);
 }
 
 /// Share of light that passes from origin along direction up to distance, [0, 1].

@@ -105,6 +105,7 @@ class Integrator {
   void sampleLight(Path& path, const Surface& surface, const Bsdf& bsdf, bool coneVertex) const;
   bool scatter(Path& path, const Surface& surface, const Bsdf& bsdf, bool coneVertex) const;
   bool handToCone(Path& path) const;
+  vec3 lightAlong(Path& path, const vec3& point, const vec3& direction, float pdf) const;
   float nearField() const;
   float visibility(Path& path, const vec3& origin, const vec3& direction, float distance) const;
 

@@ -79,8 +79,8 @@ class LightSet {
   /// Radiance of the environment from a direction (pointing away from the scene).
   vec3 environment(const vec3& direction) const;
   bool hasEnvironment() const { return environment_.present(); }
-  /// Whether it is not in the set of next event estimation.
-  bool hasConstantSky() const { return hasEnvironment() && !environment_.map; }
+  /// Whether a ray can find any of the lights.
+  bool canBeHit() const { return hasEnvironment() || !luminaires_.empty(); }
 
   /// A photon; a function of the sampler's numbers and the guides. False if it carries nothing.
   /// `guides`: none, or one a source as guides() makes them.
