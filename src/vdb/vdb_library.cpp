@@ -87,9 +87,14 @@ void limit(__rlimit_resource what, std::uint64_t value) {
   ::_exit(read(path, maxBytes, output));
 }
 
+/// One line of plain characters: names of grids come from the file.
 std::string textOf(Bytes bytes) {
   constexpr std::size_t kMost = 1000;
-  return oneLine({reinterpret_cast<const char*>(bytes.data()), std::min(bytes.size(), kMost)});
+  std::string text(reinterpret_cast<const char*>(bytes.data()), std::min(bytes.size(), kMost));
+  for (char& c : text) {
+    if (c != '\n' && (c < ' ' || c > '~')) c = '?';
+  }
+  return oneLine(std::move(text));
 }
 
 /// Takes the answer apart; false if its parts are not as long as it says.

@@ -5,3 +5,11 @@ if(TARGET trex_vdb)
   find_library(IMATH_LIBRARY NAMES Imath Imath-3_1 REQUIRED)  # half floats in its headers
   target_link_libraries(make_vdb PRIVATE trex_options ${OPENVDB_LIBRARY} ${IMATH_LIBRARY} TBB::tbb)
 endif()
+
+add_executable(media_test ${CMAKE_CURRENT_LIST_DIR}/media_test.cpp)
+target_link_libraries(media_test PRIVATE trex_crays GTest::gtest_main)
+trex_gtest(media_test)
+if(TARGET make_vdb)
+  trex_program_test(volume_test volume_test.py --assets ${CMAKE_SOURCE_DIR}/assets
+    --make $<TARGET_FILE:make_vdb>)
+endif()
