@@ -94,6 +94,7 @@ PhotonPath photonBegin(PhotonRecord record, float countsPerWatt) PHOTON_READS {
   path.alive = path.voxel != ASVO_NONE;
   if (path.alive) {
     photonDeposit(path, countsPerWatt);
+    path.alive = path.alive && record.index < kLastLanding;
   } else {
     path.lost = 1u;
   }

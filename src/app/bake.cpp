@@ -33,6 +33,7 @@ namespace fs = std::filesystem;
 
 struct BakeArguments {
   std::string input, output, environment, maxMemory;
+  std::vector<std::string> volumes;
   int depth = 8, precision = 24, threads = 0;
   bool noVoxels = false, stream = false, resume = false, json = false;
 };
@@ -88,26 +89,34 @@ void checkArguments(const BakeArguments& a) {
   }
 }
 
+std::uint64_t maxMemoryOf(const BakeArguments& a) {
+  return a.maxMemory.empty() ? 0 : parseBytes(a.maxMemory);
+}
+
+std::vector<VolumeRequest> volumesOf(const BakeArguments& a) {
+  std::vector<VolumeRequest> out;
+  for (const std::string& v : a.volumes) out.push_back(parseVolume(v));
+  return out;
+}
+
 /// Bytes that voxels may take; refuses what does not fit before anything large is allocated.
 std::uint64_t voxelBudget(const BakeArguments& a, const Scene& scene) {
   RenderSettings settings;
   settings.width = settings.height = 1;
   settings.device = RenderSettings::kNoDevice;
   settings.exact = a.noVoxels ? 1.0 : 0.0;
-  if (!a.maxMemory.empty()) settings.maxMemory = parseBytes(a.maxMemory);
+  settings.maxMemory = maxMemoryOf(a);
   return preflight(scene, settings, {}).voxelBytes;
 }
 
 nlohmann::ordered_json bytesByPart(const std::vector<bundle::Section>& sections) {
-  nlohmann::ordered_json out = {{"scene_bytes", 0},
-                                {"hccmesh_bytes", 0},
-                                {"emitter_bytes", 0},
-                                {"voxel_bytes", 0},
-                                {"texture_bytes", 0}};
+  nlohmann::ordered_json out = {{"scene_bytes", 0},  {"hccmesh_bytes", 0}, {"emitter_bytes", 0},
+                                {"medium_bytes", 0}, {"voxel_bytes", 0},   {"texture_bytes", 0}};
   for (const bundle::Section& s : sections) {
     const char* part = s.name == "scene.json"                                      ? "scene_bytes"
                        : s.name.ends_with(".hccm") || s.name.starts_with("world.") ? "hccmesh_bytes"
                        : s.name == "emitters.bin"                                  ? "emitter_bytes"
+                       : s.name.ends_with(".fog")                                  ? "medium_bytes"
                        : s.name == "voxels.asvo"                                   ? "voxel_bytes"
                                                  : "texture_bytes";
     out[part] = out[part].get<std::uint64_t>() + s.bytes;
@@ -139,6 +148,8 @@ void report(const BakeArguments& a, const Model& model, const Phases& phases,
 Scene import(const BakeArguments& a, std::vector<SourceFile>& files) {
   ImportOptions options;
   options.environmentGiven = !a.environment.empty();
+  options.volumes = volumesOf(a);
+  options.maxMemory = maxMemoryOf(a);
   Scene scene = importScene(a.input, options);
   files = scene.files;
   if (a.environment.empty()) return scene;
@@ -249,6 +260,9 @@ void bakeStreamed(const BakeArguments& a) {
   phases.next("import");
   ImportOptions import;
   import.environmentGiven = !a.environment.empty();
+  import.maxMemory = maxMemoryOf(a);
+  Scene volumes;
+  addVolumes(volumes, volumesOf(a), import.maxMemory);
   std::unique_ptr<TriangleStream> stream = openTriangleStream(a.input, import);
   StreamBakeOptions options;
   options.maxMemory = allowedMemory(a);
@@ -260,6 +274,9 @@ void bakeStreamed(const BakeArguments& a) {
   facts.precisionBits = a.precision;
   facts.voxelDepth = a.depth;
   std::vector<SourceFile> files = stream->scene().files;
+  files.insert(files.end(), volumes.files.begin(), volumes.files.end());
+  options.media = std::move(volumes.media);
+  for (const std::string& w : volumes.warnings) logWarning("{}", w);
   if (!a.environment.empty()) {
     std::error_code error;
     if (fs::is_regular_file(a.environment, error)) files.push_back(examineSource(a.environment));
@@ -322,6 +339,7 @@ void addBakeCommand(CLI::App& app) {
       ->check(CLI::Range(8, 24))
       ->capture_default_str();
   c->add_option("--env", a->environment, "Environment: R,G,B or a latitude-longitude .hdr or .exr");
+  c->add_option("--volume", a->volumes, kVolumeHelp)->allow_extra_args(false);
   c->add_flag("--no-voxels", a->noVoxels, "Leave voxels out: every sample will be exact");
   c->add_option("--max-memory", a->maxMemory, "Memory this process may use, such as 8G [all]");
   c->add_option("--threads", a->threads, "CPU threads [all]")->check(CLI::Range(1, 4096));

@@ -30,6 +30,7 @@ std::uint64_t jobKey(const RenderArguments& a, const Model& model, const std::ve
   // Of pages, cones read those that are there.
   if (s.maxGpuMemory > 0) text += fmt::format(" gpu {}", s.maxGpuMemory);
   if (!a.edits.empty()) text += fmt::format(" {:016x}", hashFile(a.edits));
+  for (const std::string& volume : a.volumes) text += ' ' + volume;
   for (const std::string& layer : a.layers) text += ' ' + layer;
   for (const View& view : views) text += ' ' + cameraText(view.camera);
   return hashText(text);

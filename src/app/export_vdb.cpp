@@ -1,9 +1,7 @@
 // trex export-vdb X.trex -o x.vdb: the voxels of a model as OpenVDB grids, to look at in other
 // tools.
-#include <dlfcn.h>
 #include <fmt/format.h>
 
-#include <bit>
 #include <filesystem>
 #include <memory>
 
@@ -13,7 +11,8 @@
 #include "src/core/file.h"
 #include "src/session/light_pass.h"
 #include "src/session/voxel_source.h"
-#include "src/vdb/vdb_export.h"
+#include "src/vdb/vdb.h"
+#include "src/vdb/vdb_library.h"
 
 namespace trex {
 namespace {
@@ -25,18 +24,6 @@ struct ExportArguments {
   std::uint64_t photons = 1u << 20;
   int depth = 8;
 };
-
-/// The function of the library that lies beside the program. Throws Error(kMemoryOrDevice).
-TrexWriteVdb* openLibrary() {
-  const fs::path path = fs::read_symlink("/proc/self/exe").parent_path() / "libtrex_vdb.so";
-  void* library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);  // kept until the program ends
-  void* function = library != nullptr ? dlsym(library, kTrexWriteVdb) : nullptr;
-  if (function == nullptr) {
-    fail(ExitCode::kMemoryOrDevice, "OpenVDB can't be used ({}): build the target trex_vdb",
-         dlerror());
-  }
-  return std::bit_cast<TrexWriteVdb*>(function);
-}
 
 /// Light of the voxels in W/m^2 after some photons.
 class Lit {
@@ -106,7 +93,7 @@ void collect(const asvo::Tree& tree, const asvo::Tracer& tracer, const Lit& lit,
 void exportVdb(const ExportArguments& a) {
   if (!a.output.ends_with(".vdb")) fail(ExitCode::kUsage, "-o {}: want a name in .vdb", a.output);
   checkWritable(a.output);
-  TrexWriteVdb* const write = openLibrary();
+  const auto write = vdbFunction<TrexWriteVdb>(kTrexWriteVdb);
   OpenOptions options;
   options.model.voxelDepth = a.depth;
   const Model model = openModel(a.input, options);

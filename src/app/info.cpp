@@ -8,6 +8,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "asvo/medium.h"
 #include "src/app/app.h"
 #include "src/bundle/bundle.h"
 #include "src/core/error.h"
@@ -63,6 +64,26 @@ Json describe(const asvo::Tree& tree) {
           {"emitters_bytes", tree.emitters.size() * sizeof(tree.emitters[0])}};
 }
 
+Json describe(const Medium& m) {
+  const asvo::Medium& grid = *m.grid;
+  const dvec3 size = dvec3(grid.size * asvo::Medium::kCells);
+  Box3d box;
+  for (int corner = 0; corner < 8; ++corner) {
+    const dvec3 place = dvec3(grid.base) + size * dvec3(corner & 1, corner >> 1 & 1, corner >> 2);
+    box.extend(dvec3(m.transform * glm::dvec4(place, 1.0)));
+  }
+  return {{"name", m.name},
+          {"voxels", grid.voxels},
+          {"bricks", grid.bricks.size()},
+          {"bytes", grid.bytes()},
+          {"shines", m.emits()},
+          {"density", m.density},
+          {"albedo", {m.albedo.x, m.albedo.y, m.albedo.z}},
+          {"anisotropy", m.anisotropy},
+          {"lower_metres", list(box.lower)},
+          {"upper_metres", list(box.upper)}};
+}
+
 template <typename Items>
 Json names(const Items& items) {
   Json out = Json::array();
@@ -101,6 +122,8 @@ void addScene(Json& out, const Scene& scene) {
   out["environment"] = !scene.environment.present() ? "none"
                        : scene.environment.map      ? scene.environment.map->name
                                                     : "constant";
+  if (!scene.media.empty()) out["media"] = Json::array();
+  for (const Medium& m : scene.media) out["media"].push_back(describe(m));
   out["dropped_triangles"] = scene.droppedTriangles;
   out["warnings"] = scene.warnings;
 }
@@ -313,6 +336,12 @@ void printScene(const Json& d) {
   line("lights", quoted(d["lights"]));
   line("cameras", quoted(d["cameras"]));
   line("environment", d["environment"].get<std::string>());
+  for (const Json& m : d.value("media", Json::array())) {
+    line("medium",
+         fmt::format("'{}', {} voxels, {}{}", m["name"].get<std::string>(), m["voxels"].dump(),
+                     sizeOf(m["bytes"]), m["shines"].get<bool>() ? ", shines" : ""));
+    printBox(m);
+  }
   for (const Json& w : d["warnings"]) line("warning", w.get<std::string>());
 }
 

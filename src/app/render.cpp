@@ -83,6 +83,8 @@ int render(RenderArguments& a) {
   OpenOptions open;
   open.useStale = a.stale == "use";
   if (!a.environment.empty()) open.environment = parseEnvironment(a.environment);
+  for (const std::string& v : a.volumes) open.import.volumes.push_back(parseVolume(v));
+  open.import.maxMemory = a.settings.maxMemory;
   open.model.voxels = a.settings.exact < 1.0;
   open.model.voxelDepth = voxelDepthFor(std::uint64_t{a.settings.width} * a.settings.height);
   std::vector<View> views;
@@ -140,6 +142,7 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
                 "Cameras from a file, one picture each: {\"trex\": 1, \"cameras\": [..]}");
   c->add_option("--edits", a->edits, "Edits saved by the viewer, a JSON overlay on the scene");
   c->add_option("--env", a->environment, "Environment: R,G,B or a latitude-longitude .hdr or .exr");
+  c->add_option("--volume", a->volumes, kVolumeHelp)->allow_extra_args(false);
   c->add_option("--device", a->device, "Vulkan device of the G-rays: number, auto or none")
       ->capture_default_str();
   c->add_option("--guess", a->guess, "Guess of far, wide rays: auto, ray or cone")

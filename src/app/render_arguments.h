@@ -17,6 +17,7 @@ struct RenderArguments {
   std::vector<std::string> cameras;  ///< names or EYE/TARGET/UP/VFOV; "all"
   std::string path;                  ///< file of cameras, one a frame
   std::string edits;                 ///< overlay on the scene, as the viewer saves it
+  std::vector<std::string> volumes;  ///< as --volume
   std::string maxMemory, maxGpuMemory, cache;
   std::vector<std::string> layers;
   std::string checkpoint;

@@ -1,5 +1,6 @@
 // scene.json, read.
 #include <charconv>
+#include <cmath>
 #include <numbers>
 
 #include "src/bundle/contents.h"
@@ -81,16 +82,36 @@ Environment readEnvironment(const JsonObject& o) {
   return environment;
 }
 
+/// An affine matrix, column after column.
+void readTransform(const JsonObject& o, dmat4& out) {
+  o.numbers("transform", &out[0][0], 16);
+  for (int column = 0; column < 4; ++column) {
+    if (out[column][3] != (column == 3 ? 1.0 : 0.0)) o.bad("transform", "is not affine");
+  }
+}
+
+/// A medium without its grid.
+Medium readMedium(const JsonObject& o) {
+  o.allow({"name", "transform", "density", "albedo", "anisotropy", "emission"});
+  Medium m;
+  m.name = o.text("name");
+  readTransform(o, m.transform);
+  const double determinant = glm::determinant(glm::dmat3(m.transform));
+  if (!std::isnormal(determinant)) o.bad("transform", "has no volume");
+  m.density = o.real("density", 0.0f, 1e12f);
+  o.reals("albedo", &m.albedo[0], 3, 0.0f, 1.0f);
+  m.anisotropy = o.real("anisotropy", -0.99f, 0.99f);
+  o.reals("emission", &m.emission[0], 3, 0.0f, 1e12f);
+  return m;
+}
+
 Instance readInstance(const JsonObject& o, std::size_t meshes, std::size_t objects) {
   o.allow({"name", "mesh", "object", "transform"});
   Instance i;
   i.name = o.text("name");
   i.mesh = static_cast<int>(o.index("mesh", meshes));
   i.object = static_cast<int>(o.index("object", objects));
-  o.numbers("transform", &i.transform[0][0], 16);
-  for (int column = 0; column < 4; ++column) {
-    if (i.transform[column][3] != (column == 3 ? 1.0 : 0.0)) o.bad("transform", "is not affine");
-  }
+  readTransform(o, i.transform);
   return i;
 }
 
@@ -171,6 +192,9 @@ void readScene(const JsonObject& root, Description& d) {
   forEach(root, "cameras", [&](const JsonObject& o) { s.cameras.push_back(readCameraJson(o)); });
   forEach(root, "lights", [&](const JsonObject& o) { s.lights.push_back(readLightJson(o)); });
   s.environment = readEnvironment(root.object("environment"));
+  if (root.has("media")) {
+    forEach(root, "media", [&](const JsonObject& o) { s.media.push_back(readMedium(o)); });
+  }
   forEach(root, "images", [&](const JsonObject& o) {
     bool isFloat = false;
     s.images.push_back(readImage(o, isFloat));
@@ -196,7 +220,7 @@ Description read(const JsonObject& root) {
               "render_origin", "cameras",        "lights",
               "environment",   "images",         "materials",
               "meshes",        "shared_meshes",  "objects",
-              "instances",     "placements"});
+              "instances",     "placements",     "media"});
   Description d;
   d.bakedBy = root.text("baked_by");
   d.input = root.text("input");

@@ -74,6 +74,15 @@ Json toJson(const Requirement& r) {
           {"saved_bytes", r.savedBytes}};
 }
 
+Json toJson(const Medium& m) {
+  return {{"name", m.name},
+          {"transform", list(m.transform)},
+          {"density", m.density},
+          {"albedo", jsonList(m.albedo)},
+          {"anisotropy", m.anisotropy},
+          {"emission", jsonList(m.emission)}};
+}
+
 Json size(const Image& image, bool isFloat) {
   return {{"name", image.name},
           {"width", image.width},
@@ -109,28 +118,29 @@ std::string writeDescription(const Description& d) {
     images.push_back(size(scene.images[i], d.floatImages[i]));
   }
   const auto plain = [](const auto& item) { return toJson(item); };
-  const Json out = {{"trex", kSceneVersion},
-                    {"baked_by", d.bakedBy},
-                    {"input", d.input},
-                    {"sources", each(d.files, plain)},
-                    {"precision_bits", d.precisionBits},
-                    {"voxel_depth", d.voxelDepth},
-                    {"requirements", each(d.requirements, plain)},
-                    {"warnings", scene.warnings},
-                    {"dropped_triangles", scene.droppedTriangles},
-                    {"render_origin", jsonList(d.renderOrigin)},
-                    {"cameras", each(scene.cameras, plain)},
-                    {"lights", each(scene.lights, plain)},
-                    {"environment", toJson(scene.environment)},
-                    {"images", images},
-                    {"materials", each(scene.materials, plain)},
-                    {"meshes", meshes(d)},
-                    {"shared_meshes", d.sharedMeshes},
-                    {"objects", scene.objects},
-                    {"instances", each(scene.instances, plain)},
-                    {"placements", each(d.placed, [](const RayScene::Parts::Placed& p) {
-                       return Json{{"instance", p.instance}, {"hccmesh", p.mesh}};
-                     })}};
+  Json out = {{"trex", kSceneVersion},
+              {"baked_by", d.bakedBy},
+              {"input", d.input},
+              {"sources", each(d.files, plain)},
+              {"precision_bits", d.precisionBits},
+              {"voxel_depth", d.voxelDepth},
+              {"requirements", each(d.requirements, plain)},
+              {"warnings", scene.warnings},
+              {"dropped_triangles", scene.droppedTriangles},
+              {"render_origin", jsonList(d.renderOrigin)},
+              {"cameras", each(scene.cameras, plain)},
+              {"lights", each(scene.lights, plain)},
+              {"environment", toJson(scene.environment)},
+              {"images", images},
+              {"materials", each(scene.materials, plain)},
+              {"meshes", meshes(d)},
+              {"shared_meshes", d.sharedMeshes},
+              {"objects", scene.objects},
+              {"instances", each(scene.instances, plain)},
+              {"placements", each(d.placed, [](const RayScene::Parts::Placed& p) {
+                 return Json{{"instance", p.instance}, {"hccmesh", p.mesh}};
+               })}};
+  if (!scene.media.empty()) out["media"] = each(scene.media, plain);
   return out.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

@@ -9,6 +9,7 @@
 #include <chrono>
 #include <cstring>
 
+#include "asvo/medium.h"
 #include "src/bundle/arrays.h"
 #include "src/bundle/bundle.h"
 #include "src/bundle/page_file.h"
@@ -67,6 +68,18 @@ void readImages(const Container& container, bundle::Description& d, std::uint64_
   scene.environment.map = std::move(map);
 }
 
+void readMedia(const Container& container, Scene& scene) {
+  for (std::size_t i = 0; i < scene.media.size(); ++i) {
+    const std::string section = fmt::format("medium-{}.fog", i);
+    try {
+      scene.media[i].grid =
+          std::make_shared<const asvo::Medium>(asvo::Medium::fromBytes(container.section(section)));
+    } catch (const asvo::FormatError& e) {
+      fail(ExitCode::kInput, "{}: {}: {}; bake again", container.name(), section, e.what());
+    }
+  }
+}
+
 /// The table of a bundle with pages, and where they lie.
 void readPages(const Container& container, const std::shared_ptr<const void>& owner,
                const BundleReadOptions& options, BundleContents& out) {
@@ -86,7 +99,8 @@ void readPages(const Container& container, const std::shared_ptr<const void>& ow
 
 std::size_t sectionsExpected(const bundle::Description& d, bool paged) {
   return 2 + (paged ? 1 : 0) + d.sharedMeshes + (d.emitters.empty() ? 0 : 1) +
-         (d.voxelDepth > 0 ? 1 : 0) + d.scene.images.size() + (d.scene.environment.map ? 1 : 0);
+         (d.voxelDepth > 0 ? 1 : 0) + d.scene.images.size() + (d.scene.environment.map ? 1 : 0) +
+         d.scene.media.size();
 }
 
 /// Throws for sources that have changed; says which are gone.
@@ -186,6 +200,7 @@ BundleContents readBundle(Bytes bytes, std::shared_ptr<const void> owner, const 
     bundle::unpackEmitters(container.section("emitters.bin"), name + ": emitters.bin", d);
   }
   readImages(container, d, options.maxImageBytes);
+  readMedia(container, d.scene);
   if (options.voxels && d.voxelDepth > 0) {
     try {
       out.voxels = asvo::Tree::fromBytes(container.section("voxels.asvo"));
@@ -231,6 +246,7 @@ Model openBundle(const fs::path& path, const OpenOptions& options) {
   for (const std::string& w : scene.warnings) logWarning("{}", w);
   noteVoxels(path, contents, options.model);
   scene.files = {examineSource(path)};
+  addVolumes(scene, options.import.volumes, options.import.maxMemory);
   ModelOptions wanted = options.model;
   wanted.paged = sizesOf(contents);
   if (options.prepare) options.prepare(scene, wanted);

@@ -4,6 +4,8 @@
 
 #include <set>
 
+#include "asvo/medium.h"
+#include "src/core/memory.h"
 #include "src/crays/ray_scene.h"
 #include "src/scene/import.h"
 
@@ -42,6 +44,8 @@ std::vector<Requirement> requirementsOf(const Scene& scene, bool voxels) {
     transparent |= material.alphaMode != AlphaMode::kOpaque || material.transmission > 0.0f;
     scatters |= !material.unlit;
   }
+  std::uint64_t mediaBytes = 0;
+  for (const Medium& m : scene.media) mediaBytes += m.grid->bytes();
   const bool lit = hasLight(scene), photons = lit && scatters && voxels;
   return {normals.describe("normals", "smooth shading", "all faces are flat"),
           texCoords.describe("texture coordinates", "textures are read", "nothing is textured"),
@@ -53,6 +57,10 @@ std::vector<Requirement> requirementsOf(const Scene& scene, bool voxels) {
            transparent ? "a material lets light pass" : "all materials are opaque"},
           {"environment", scene.environment.present(),
            scene.environment.present() ? "it shines" : "there is none"},
+          {"media", !scene.media.empty(),
+           scene.media.empty() ? "there is no volume"
+                               : fmt::format("{} volumes, {} of voxels", scene.media.size(),
+                                             formatBytes(mediaBytes))},
           {"voxels", lit && voxels,
            !voxels ? "left out on request"
            : lit   ? "light is cached in them"

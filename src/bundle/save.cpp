@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "asvo/medium.h"
 #include "src/bundle/arrays.h"
 #include "src/bundle/bundle.h"
 #include "src/bundle/describe.h"
@@ -44,6 +45,9 @@ class Sections {
     }
     if (!description.emitters.empty()) {
       add("emitters.bin", bundle::packEmitters(description, scene.meshes));
+    }
+    for (std::size_t i = 0; i < scene.media.size(); ++i) {
+      add(fmt::format("medium-{}.fog", i), scene.media[i].grid->toBytes());
     }
     if (model.voxels) add("voxels.asvo", model.voxels->toBytes());
     addImages(scene);

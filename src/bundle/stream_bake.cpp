@@ -1,4 +1,5 @@
 #include "src/bundle/stream_bake.h"
+#include "asvo/medium.h"
 
 #include <xxhash.h>
 
@@ -162,6 +163,7 @@ class StreamBake {
       mesh = std::move(kept);
     }
     if (options_.environment) scene_.environment = *options_.environment;
+    scene_.media.insert(scene_.media.end(), options_.media.begin(), options_.media.end());
     scene_.droppedTriangles += spill_.nonFinite;
     if (spill_.nonFinite > 0) {
       scene_.warnings.push_back(
@@ -270,6 +272,9 @@ class StreamBake {
     add("world.table", table_.toBytes());
     add("scene.json", bundle::writeDescription(d));
     if (!d.emitters.empty()) add("emitters.bin", bundle::packEmitters(d, scene_.meshes));
+    for (std::size_t i = 0; i < scene_.media.size(); ++i) {
+      add(fmt::format("medium-{}.fog", i), scene_.media[i].grid->toBytes());
+    }
     if (tree_) add("voxels.asvo", tree_->toBytes());
     for (std::size_t i = 0; i < scene_.images.size(); ++i) {
       add(fmt::format("image-{}.zst", i), bundle::packTexels(scene_.images[i]));

@@ -27,6 +27,7 @@ struct StreamBakeOptions {
   int voxelDepth = 8;  ///< 0: no voxels
   bool resume = false;
   std::optional<Environment> environment;  ///< instead of the stream's
+  std::vector<Medium> media;               ///< besides the stream's
   /// Called now and then with a name and a share of what is under way; false stops the bake with
   /// Error(kInterrupted), keeping what was done for `resume`.
   std::function<bool(const char*, double)> keepGoing = [](const char*, double) { return true; };

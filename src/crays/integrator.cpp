@@ -83,7 +83,13 @@ struct Integrator::Path {
 
 Integrator::Integrator(const Scene& scene, const RayScene& rays, const LightSet& lights,
                        const CameraRays& camera, const GuessOptions& guess, std::uint32_t seed)
-    : scene_(scene), rays_(rays), lights_(lights), camera_(camera), guess_(guess), seed_(seed) {
+    : scene_(scene),
+      rays_(rays),
+      lights_(lights),
+      camera_(camera),
+      media_(rays.media()),
+      guess_(guess),
+      seed_(seed) {
   for (const Material& m : scene.materials) transparent_ |= m.alphaMode != AlphaMode::kOpaque;
 }
 
@@ -108,10 +114,12 @@ PathSample Integrator::sample(std::uint32_t x, std::uint32_t y, std::uint32_t wi
 /// Finds the next surface. False if the path has left the scene or a cone goes on in its place.
 bool Integrator::advance(Path& path) const {
   ++path.counts.cRays;
-  const bool cone = path.coneRay && path.coupled;
-  const float near = guess_.cache ? guess_.footprint.cacheVoxels * guess_.cache->leafSize() /
-                                        guess_.footprint.diffuseSpread
-                                  : 0.0f;
+  bool cone = path.coneRay && path.coupled;
+  const float near = nearField();
+  // Voxels know nothing of media: a cone whose axis meets one is an exact ray into cached light.
+  if (media_ != nullptr && cone) {
+    cone = !media_->meets(path.origin, path.direction, path.tnear, kInfinity);
+  }
   if (rays_.intersect(path.origin, path.direction, path.tnear, cone ? near : kInfinity, path.hit)) {
     return true;
   }
@@ -127,6 +135,7 @@ bool Integrator::advance(Path& path) const {
 }
 
 void Integrator::miss(Path& path) const {
+  if (media_ != nullptr) passMedia(path, kInfinity);
   if (!lights_.hasEnvironment()) return;
   const float weight =
       powerHeuristic(path.scatterPdf, lights_.pdfEnvironment(path.vertex, path.direction));
@@ -159,6 +168,7 @@ bool Integrator::meet(Path& path) const {
   const Surface surface = rays_.surface(path.hit);
   const Bsdf bsdf(scene_, surface, -path.direction);
   if (path.absorption != vec3(0.0f)) path.throughput *= glm::exp(-path.absorption * path.hit.t);
+  if (media_ != nullptr) passMedia(path, path.hit.t);
 
   if (bsdf.coverage() < 1.0f && path.sampler.next1D() >= bsdf.coverage()) {
     path.origin = surface.leave(path.direction);
@@ -187,7 +197,14 @@ bool Integrator::meet(Path& path) const {
                               lights_.pdfEmitter(path.vertex, surface.object, surface.material,
                                                  path.travelled + path.hit.t, cosine));
     }
-    path.add(path.throughput * bsdf.emission() * weight, path.scattered <= 1);
+    const vec3 light = path.throughput * bsdf.emission() * weight;
+    if (path.coneRay && path.coupled && path.travelled + path.hit.t > nearField()) {
+      // In place of a cone, which gathers no emission (sampleLight): the exact path's alone.
+      path.result.exact += light;
+      if (path.scattered <= 1) path.result.directExact += light;
+    } else {
+      path.add(light, path.scattered <= 1);
+    }
   }
   if (bsdf.unlit()) return false;
   if (path.coupled && guess_.cache && endInCache(path, surface, bsdf) && !path.part()) return false;
@@ -213,23 +230,98 @@ bool Integrator::endInCache(Path& path, const Surface& surface, const Bsdf& bsdf
   return true;
 }
 
+/// Metres from a surface that are its near field: no cone starts there.
+float Integrator::nearField() const {
+  return guess_.cache ? guess_.footprint.cacheVoxels * guess_.cache->leafSize() /
+                            guess_.footprint.diffuseSpread
+                      : 0.0f;
+}
+
+/// What a path meets of media on its next `distance` metres: their emission and light that they
+/// scatter once are added, what comes after is dimmed.
+void Integrator::passMedia(Path& path, float distance) const {
+  const MediaStretch s = media_->stretch(path.origin, path.direction, distance, path.sampler);
+  if (s.emission != vec3(0.0f)) path.add(path.throughput * s.emission, path.scattered <= 1);
+  if (s.scatter != vec3(0.0f)) {
+    const vec3 point = path.origin + path.direction * s.distance;
+    const vec3 light = scatteredLight(path, point, s.anisotropy);
+    if (light != vec3(0.0f)) path.add(path.throughput * s.scatter * light, path.scattered == 0);
+  }
+  path.throughput *= s.transmittance;
+}
+
+/// Light that arrives at a point of a medium, times the phase function towards the path: by light
+/// sampling and, for lights that rays can hit, by sampling the phase function, so that points close
+/// to a light of some size do not stand out.
+vec3 Integrator::scatteredLight(Path& path, const vec3& point, float anisotropy) const {
+  vec3 sum(0.0f);
+  LightSample light;
+  if (!lights_.empty() && lights_.sample(point, path.sampler, light)) {
+    const float phase = henyeyGreenstein(glm::dot(light.direction, path.direction), anisotropy);
+    const float weight = light.delta ? 1.0f : powerHeuristic(light.pdf, phase);
+    const float passed = visibility(path, point, light.direction, light.distance);
+    sum += light.radiance * (phase * weight * passed / light.pdf);
+  }
+  if (lights_.canBeHit()) {
+    const vec3 to = sampleHenyeyGreenstein(path.direction, anisotropy, path.sampler.next2D());
+    const float phase = henyeyGreenstein(glm::dot(to, path.direction), anisotropy);
+    sum += lightAlong(path, point, to, phase);
+  }
+  return sum;
+}
+
+/// Radiance of the light that a ray from a point of a medium meets, dimmed by media. `pdf`: density
+/// of the direction.
+vec3 Integrator::lightAlong(Path& path, const vec3& point, const vec3& direction, float pdf) const {
+  vec3 from = point;
+  float travelled = 0.0f;
+  ++path.counts.shadowRays;
+  for (int layer = 0; layer < kMostLayers; ++layer) {
+    RayHit hit;
+    if (!rays_.intersect(from, direction, 0.0f, kInfinity, hit)) {
+      if (!lights_.hasEnvironment()) return vec3(0.0f);
+      const float weight = powerHeuristic(pdf, lights_.pdfEnvironment(point, direction));
+      return lights_.environment(direction) *
+             (weight * media_->transmittance(point, direction, kInfinity));
+    }
+    const Surface surface = rays_.surface(hit);
+    const Bsdf bsdf(scene_, surface, -direction);
+    travelled += hit.t;
+    if (bsdf.coverage() < 1.0f && path.sampler.next1D() >= bsdf.coverage()) {
+      from = surface.leave(direction);
+      continue;
+    }
+    if (bsdf.unlit() || maxComponent(bsdf.emission()) <= 0.0f) return vec3(0.0f);
+    const float cosine = std::abs(glm::dot(surface.geometricNormal, direction));
+    const float weight = powerHeuristic(
+        pdf, lights_.pdfEmitter(point, surface.object, surface.material, travelled, cosine));
+    return bsdf.emission() * (weight * media_->transmittance(point, direction, travelled));
+  }
+  return vec3(0.0f);
+}
+
 /// Share of light that passes from origin along direction up to distance, [0, 1].
 float Integrator::visibility(Path& path, const vec3& origin, const vec3& direction,
                              float distance) const {
   ++path.counts.shadowRays;
   const float end = distance < kInfinity ? distance * 0.9999f : kInfinity;
-  if (!transparent_) return rays_.occluded(origin, direction, 0.0f, end) ? 0.0f : 1.0f;
+  const auto throughMedia = [&] {
+    return media_ != nullptr ? media_->transmittance(origin, direction, distance) : 1.0f;
+  };
+  if (!transparent_) {
+    return rays_.occluded(origin, direction, 0.0f, end) ? 0.0f : throughMedia();
+  }
   float passed = 1.0f, start = 0.0f;
   vec3 from = origin;
   for (int layer = 0; layer < kMostLayers && passed > 1e-4f; ++layer) {
     RayHit hit;
-    if (!rays_.intersect(from, direction, 0.0f, end - start, hit)) return passed;
+    if (!rays_.intersect(from, direction, 0.0f, end - start, hit)) return passed * throughMedia();
     const Surface surface = rays_.surface(hit);
     passed *= 1.0f - Bsdf(scene_, surface, -direction).coverage();
     from = surface.leave(direction);
     start += hit.t;
   }
-  return passed > 1e-4f ? passed : 0.0f;
+  return passed > 1e-4f ? passed * throughMedia() : 0.0f;
 }
 
 /// Next event estimation: one light. Shadow rays of small lights are C-rays; large ones are cones
@@ -246,9 +338,7 @@ void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsd
   const bool direct = path.scattered == 0;
   // A cone vertex gathers its far field without emission, so a far emitter is light sampling's
   // alone.
-  const float near = coneVertex ? guess_.footprint.cacheVoxels * guess_.cache->leafSize() /
-                                      guess_.footprint.diffuseSpread
-                                : 0.0f;
+  const float near = coneVertex ? nearField() : 0.0f;
   const bool farEmitter = coneVertex && light.distance < kInfinity && light.distance > near;
   const float guessWeight = farEmitter ? 1.0f : weight;
   const bool coneShadow =
@@ -267,6 +357,9 @@ void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsd
                                              2.0f * request.tanHalf * light.distance);
     request.jitter = path.sampler.next1D();
     request.background = unweighted * guessWeight;
+    if (media_ != nullptr) {
+      request.background *= media_->transmittance(origin, light.direction, light.distance);
+    }
     request.direct = direct;
     request.pixel = path.pixelTag;
     request.shadow = true;

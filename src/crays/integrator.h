@@ -98,17 +98,22 @@ class Integrator {
   struct Path;
   bool advance(Path& path) const;
   bool meet(Path& path) const;
+  void passMedia(Path& path, float distance) const;
+  vec3 scatteredLight(Path& path, const vec3& point, float anisotropy) const;
   void miss(Path& path) const;
   bool endInCache(Path& path, const Surface& surface, const Bsdf& bsdf) const;
   void sampleLight(Path& path, const Surface& surface, const Bsdf& bsdf, bool coneVertex) const;
   bool scatter(Path& path, const Surface& surface, const Bsdf& bsdf, bool coneVertex) const;
   bool handToCone(Path& path) const;
+  vec3 lightAlong(Path& path, const vec3& point, const vec3& direction, float pdf) const;
+  float nearField() const;
   float visibility(Path& path, const vec3& origin, const vec3& direction, float distance) const;
 
   const Scene& scene_;
   const RayScene& rays_;
   const LightSet& lights_;
   const CameraRays& camera_;
+  const Media* media_;  ///< null if there is none
   GuessOptions guess_;
   std::uint32_t seed_;
   bool transparent_ = false;  ///< some material lets shadow rays pass in part

@@ -172,6 +172,11 @@ LightSet::LightSet(const Scene& scene, const dvec3& renderOrigin, const Box3f& b
   addLuminaires(scene, renderOrigin);
   addPunctual(scene, renderOrigin);
   addEnvironment(scene);
+  if (std::any_of(scene.media.begin(), scene.media.end(),
+                  [](const Medium& m) { return m.emits(); })) {
+    media_ = Media::make(scene, renderOrigin);
+    if (media_ && media_->power() > 0.0) sources_.push_back({Kind::kMedia, 0, media_->power()});
+  }
 
   std::vector<double> weights;
   for (const Entry& e : lights_) weights.push_back(e.power);
@@ -328,6 +333,7 @@ float LightSet::weigh(const Entry& entry, const vec3& point) const {
     case Kind::kMap:
       return static_cast<float>(mapPower_);
     case Kind::kConstant:
+    case Kind::kMedia:
       break;
   }
   return 0.0f;
@@ -381,6 +387,7 @@ bool LightSet::sample(const vec3& point, Sampler& sampler, LightSample& out) con
       found = sampleMap(u, out);
       break;
     case Kind::kConstant:
+    case Kind::kMedia:
       break;
   }
   out.pdf *= chance;
@@ -533,7 +540,8 @@ float LightSet::largestPhotonPower() const {
     if (e.kind == Kind::kLuminaire) color = materialRadiance_[luminaires_[e.index].material];
     if (e.kind == Kind::kPunctual) color = punctual_[e.index].light.intensity;
     if (e.kind == Kind::kConstant) color = environment_.color;
-    const float brightest = maxComponent(color) / std::max(luminance(color), 1e-30f);
+    float brightest = maxComponent(color) / std::max(luminance(color), 1e-30f);
+    if (e.kind == Kind::kMedia) brightest = media_->largestChannel() / static_cast<float>(e.power);
     // A map's photons differ from each other by what bilinear filtering and colours add.
     const float guided = outsideDimensions(e) > 0 ? 1.0f / EmissionGuide::kUniformShare : 1.0f;
     largest = std::max(largest, (e.kind == Kind::kMap ? 64.0f : brightest) * guided);
@@ -545,6 +553,7 @@ float LightSet::largestPhotonPower() const {
 int LightSet::outsideDimensions(const Entry& source) const {
   switch (source.kind) {
     case Kind::kLuminaire:
+    case Kind::kMedia:
       return 0;
     case Kind::kPunctual:
       return punctual_[source.index].light.type == Light::Type::kDirectional ? 2 : 0;
@@ -576,6 +585,9 @@ bool LightSet::emit(Sampler& sampler, EmittedPhoton& out,
     emitOutside(entry, sampler, guides, out);
   } else if (entry.kind == Kind::kLuminaire) {
     emitLuminaire(luminaires_[entry.index], sampler, out);
+  } else if (entry.kind == Kind::kMedia) {
+    media_->emit(sampler, out.origin, out.direction, out.power);
+    out.scatters = false;
   } else {
     emitPunctual(punctual_[entry.index], sampler, out);
   }

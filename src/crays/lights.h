@@ -15,6 +15,7 @@
 
 #include "src/core/maths.h"
 #include "src/core/sampler.h"
+#include "src/crays/media.h"
 #include "src/crays/photon_guide.h"
 #include "src/crays/visibility.h"
 #include "src/scene/scene.h"
@@ -44,6 +45,7 @@ struct EmittedPhoton {
   std::uint32_t source = 0;
   vec4 primary{0.0f};
   float density = 1.0f;
+  bool scatters = true;  ///< media may scatter it once: not so if they sent it
 };
 
 /// Cumulative luminance times sin(theta) of a map: what its directions are sampled by.
@@ -77,6 +79,8 @@ class LightSet {
   /// Radiance of the environment from a direction (pointing away from the scene).
   vec3 environment(const vec3& direction) const;
   bool hasEnvironment() const { return environment_.present(); }
+  /// Whether a ray can find any of the lights.
+  bool canBeHit() const { return hasEnvironment() || !luminaires_.empty(); }
 
   /// A photon; a function of the sampler's numbers and the guides. False if it carries nothing.
   /// `guides`: none, or one a source as guides() makes them.
@@ -93,7 +97,7 @@ class LightSet {
   float largestPhotonPower() const;
 
  private:
-  enum class Kind : std::uint8_t { kLuminaire, kPunctual, kMap, kConstant };
+  enum class Kind : std::uint8_t { kLuminaire, kPunctual, kMap, kConstant, kMedia };
   static constexpr std::size_t kMostWeighed =
       48;  ///< lights up to which each is weighed at a point
 
@@ -152,11 +156,12 @@ class LightSet {
   std::unordered_map<std::uint64_t, std::uint32_t> luminaireOf_;  ///< object and material to light
   std::vector<Punctual> punctual_;
   std::vector<Entry> lights_;   ///< of next event estimation
-  std::vector<Entry> sources_;  ///< of photons: lights_ and the constant sky
+  std::vector<Entry> sources_;  ///< of photons: lights_, the constant sky and media
   std::vector<double> lightCumulative_, sourceCumulative_;
   std::vector<vec3> materialRadiance_;  ///< mean emission by material
   std::vector<bool> materialTwoSided_;
   Environment environment_;
+  std::shared_ptr<const Media> media_;    ///< null unless one shines
   std::shared_ptr<const MapTables> map_;  ///< null if there is no map
   double mapPower_ = 0.0;
   float mapSine_ = 0.0f, mapCosine_ = 1.0f;  ///< of its rotation

@@ -13,36 +13,64 @@ namespace {
 constexpr int kPhotonBounces = 64;
 constexpr std::uint64_t kChunk = 1024;
 
-/// Follows one photon; false if it never lands.
-bool land(const Scene& scene, const RayScene& rays, Sampler& sampler, const EmittedPhoton& photon,
-          LandedPhoton& out) {
+/// Scattered by a medium into a new direction, or absorbed: false.
+bool scatterInMedium(const MediaCollision& collision, Sampler& sampler, vec3& origin,
+                     vec3& direction, vec3& power) {
+  const float survival = maxComponent(collision.albedo);
+  if (!(survival > 0.0f) || sampler.next1D() >= survival) return false;
+  power *= collision.albedo / survival;
+  origin += direction * collision.distance;
+  direction = sampleHenyeyGreenstein(direction, collision.anisotropy, sampler.next2D());
+  return true;
+}
+
+/// Follows one photon to the first surface that can hold light; with media on to all others, since
+/// voxels do not know them: then each landing is the last that its record stands for. The photon is
+/// scattered by media once, before its first surface, as C-rays see it (Integrator::passMedia);
+/// later media just take photons away.
+void follow(const Scene& scene, const RayScene& rays, Sampler& sampler, const EmittedPhoton& photon,
+            LandedPhoton out, std::vector<LandedPhoton>& landed) {
+  const Media* const media = rays.media();
   vec3 origin = photon.origin, direction = photon.direction, power = photon.power;
   const float start = maxComponent(power);
+  bool scatters = photon.scatters;
   for (int bounce = 0; bounce < kPhotonBounces; ++bounce) {
     RayHit hit;
-    if (!rays.intersect(origin, direction, 0.0f, kInfinity, hit)) return false;
+    const bool met = rays.intersect(origin, direction, 0.0f, kInfinity, hit);
+    MediaCollision collision;
+    if (media != nullptr &&
+        media->collide(origin, direction, met ? hit.t : kInfinity, sampler, collision)) {
+      if (!scatters || !scatterInMedium(collision, sampler, origin, direction, power)) return;
+      scatters = false;
+      continue;
+    }
+    if (!met) return;
     const Surface surface = rays.surface(hit);
     const Bsdf bsdf(scene, surface, -direction);
     BsdfSample next;
-    if (bsdf.unlit()) return false;
+    if (bsdf.unlit()) return;
     if (bsdf.coverage() < 1.0f && sampler.next1D() >= bsdf.coverage()) {
       next.direction = direction;
-    } else if (bsdf.cacheable()) {
-      out.position = surface.position;
-      out.normal = bsdf.geometricNormal();
-      out.power = power;
-      return isFinite(power) && maxComponent(power) > 0.0f;
     } else {
-      if (!bsdf.sample(sampler, next)) return false;
+      if (bsdf.cacheable()) {
+        if (!isFinite(power) || !(maxComponent(power) > 0.0f)) return;
+        out.position = surface.position;
+        out.normal = bsdf.geometricNormal();
+        out.power = power;
+        landed.push_back(out);
+        if (media == nullptr) return;
+        landed.back().bounces = false;
+      }
+      if (!bsdf.sample(sampler, next)) return;
       power *= next.weight * next.etaSquared;
       const float survival = std::min(1.0f, maxComponent(power) / start);
-      if (!(survival > 0.0f) || sampler.next1D() >= survival) return false;
+      if (!(survival > 0.0f) || sampler.next1D() >= survival) return;
       power /= survival;
+      scatters = false;
     }
     direction = next.direction;
     origin = surface.leave(direction);
   }
-  return false;
 }
 
 }  // namespace
@@ -59,14 +87,13 @@ std::vector<LandedPhoton> landPhotons(const Scene& scene, const RayScene& rays,
       const auto index = static_cast<std::uint32_t>(first + i);
       Sampler sampler(0x70686f74u, index, seed);
       EmittedPhoton photon;
-      LandedPhoton out;
-      if (lights.emit(sampler, photon, guides) && land(scene, rays, sampler, photon, out)) {
-        out.index = index;
-        out.source = photon.source;
-        out.primary = photon.primary;
-        out.density = photon.density;
-        landed[chunk].push_back(out);
-      }
+      LandedPhoton out{};
+      if (!lights.emit(sampler, photon, guides)) continue;
+      out.index = index;
+      out.source = photon.source;
+      out.primary = photon.primary;
+      out.density = photon.density;
+      follow(scene, rays, sampler, photon, out, landed[chunk]);
     }
   });
   std::vector<LandedPhoton> all;

@@ -299,6 +299,7 @@ struct RayScene::Impl {
   Approach approach;
   Statistics statistics;
   Visibility visibility;
+  std::unique_ptr<const Media> media;
 
   void build(const Scene& scene);
   /// Nothing but the merged mesh, in memory.
@@ -427,6 +428,8 @@ void RayScene::Impl::measurePages(const hccm::PageTable& table) {
 RayScene::RayScene(const Scene& scene, Parts parts)
     : impl_(std::make_unique<Impl>(std::move(parts))) {
   impl_->build(scene);
+  impl_->media = Media::make(scene, impl_->parts.renderOrigin);
+  if (impl_->media) impl_->bounds.extend(impl_->media->bounds());
 }
 RayScene::RayScene(const Scene& scene, const Options& options)
     : RayScene(scene, makeParts(scene, options)) {}
@@ -487,6 +490,7 @@ Surface RayScene::surface(const RayHit& hit) const {
 
 dvec3 RayScene::renderOrigin() const { return impl_->parts.renderOrigin; }
 Box3f RayScene::bounds() const { return impl_->bounds; }
+const Media* RayScene::media() const { return impl_->media.get(); }
 RayScene::Statistics RayScene::statistics() const { return impl_->statistics; }
 hccm::PageCache::Statistics RayScene::pageStatistics() const {
   if (!impl_->parts.paged) return {};

@@ -14,6 +14,7 @@
 
 #include "hccmesh/hccmesh.h"
 #include "hccmesh/page_cache.h"
+#include "src/crays/media.h"
 #include "src/crays/visibility.h"
 #include "src/scene/scene.h"
 
@@ -103,7 +104,9 @@ class RayScene {
   Surface surface(const RayHit& hit) const;
 
   dvec3 renderOrigin() const;
-  Box3f bounds() const;  ///< render space
+  Box3f bounds() const;  ///< render space, of meshes and media
+  /// The scene's media; null if it has none.
+  const Media* media() const;
   Statistics statistics() const;
   /// What the pages did so far; all zero without a paged mesh.
   hccm::PageCache::Statistics pageStatistics() const;

@@ -17,6 +17,7 @@ using glm::max;
 using glm::min;
 using glm::uvec3;
 using glm::vec3;
+using shaderio::kLastLanding;
 using shaderio::PhotonMaterial;
 using shaderio::PhotonRecord;
 using std::abs;

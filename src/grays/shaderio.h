@@ -21,6 +21,8 @@ SHADERIO_CONST uint kGatherGroupSize = 256u;
 
 /// Entry of the page table for a page that is not on the device.
 SHADERIO_CONST uint kNoSlot = 0xffffffffu;
+/// Added to the number of a photon whose record is all that the device adds of it: no bounces.
+SHADERIO_CONST uint kLastLanding = 0x80000000u;
 
 /// Bits of GatherQuery::flags.
 SHADERIO_CONST uint kQueryShadow = 1u;  // transmittance alone; radiance is 0
@@ -48,7 +50,7 @@ struct PhotonRecord {
   vec3 position;  // render space, on the surface
   uint normal;    // octahedral 2 x unorm16, geometric, on the side the light arrives at
   vec3 power;     // W, arriving
-  uint index;     // photon number: the key of its random numbers
+  uint index;     // photon number, the key of its random numbers; kLastLanding may be added
 };
 
 /// What a photon needs of a material when it meets a voxel. 16 bytes.

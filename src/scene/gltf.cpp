@@ -257,6 +257,9 @@ class NodeReader {
       for (const int mesh : meshes_.use(node.mesh)) place(mesh, index, world);
     }
     if (node.camera >= 0) readCamera(node, world);
+    if (node.extras.IsObject() && node.extras.Has("trex_volume")) {
+      readVolume(node.extras.Get("trex_volume"), index, world);
+    }
     const auto light = node.extensions.find("KHR_lights_punctual");
     if (light != node.extensions.end()) readLight(node, index, light->second, world);
   }
@@ -365,6 +368,35 @@ class NodeReader {
     }
     if (from.range > 0.0) to.range = static_cast<float>(from.range);
     context_.scene.lights.push_back(std::move(to));
+  }
+
+  /// A volume that the node places: the keys of --volume, and `file` beside the model.
+  void readVolume(const tinygltf::Value& from, int index, const dmat4& world) {
+    const auto bad = [&](const std::string& what) {
+      context_.bad("node {} ('{}'): trex_volume: {}", index, context_.scene.objects[index], what);
+    };
+    if (!from.IsObject() || !from.Has("file") || !from.Get("file").IsString()) {
+      bad("has no file");
+    }
+    const auto name = from.Get("file").Get<std::string>();
+    if (name.find("://") != std::string::npos) bad("'" + name.substr(0, 80) + "' is no file name");
+    VolumeRequest request;
+    request.file = (context_.path.parent_path() / name).string();
+    request.transform = world;
+    for (const std::string& key : from.Keys()) {
+      if (key == "file") continue;
+      const tinygltf::Value& value = from.Get(key);
+      std::vector<double> numbers;
+      const std::size_t count = value.IsArray() ? value.ArrayLen() : 1;
+      for (std::size_t i = 0; i < std::min<std::size_t>(count, 4); ++i) {
+        const tinygltf::Value& number = value.IsArray() ? value.Get(static_cast<int>(i)) : value;
+        if (!number.IsNumber()) bad("'" + key + "' is not a number or a list of them");
+        numbers.push_back(number.GetNumberAsDouble());
+      }
+      const std::string problem = setVolumeOption(request, key, numbers);
+      if (!problem.empty()) bad(problem);
+    }
+    addVolume(context_.scene, request, context_.options.maxMemory);
   }
 
   void readCone(const tinygltf::Light& from, Light& to) {

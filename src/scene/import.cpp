@@ -79,7 +79,11 @@ Scene readByExtension(const std::filesystem::path& path, const ImportOptions& op
 }  // namespace
 
 Scene importScene(const std::filesystem::path& path, const ImportOptions& options) {
-  if (isSynthName(path.string())) return makeSynth(path.string());
+  if (isSynthName(path.string())) {
+    Scene scene = makeSynth(path.string());
+    addVolumes(scene, options.volumes, options.maxMemory);
+    return scene;
+  }
   checkReadable(path);
   Scene scene;
   const SourceFile model = examineSource(path);
@@ -106,6 +110,7 @@ Scene importScene(const std::filesystem::path& path, const ImportOptions& option
          scene.droppedTriangles > 0 ? " (all had non-finite vertices)" : "");
   }
   detail::checkExtent(scene);
+  addVolumes(scene, options.volumes, options.maxMemory);
   addDefaultLightAndCamera(scene, options.environmentGiven);
   for (const std::string& warning : scene.warnings) logWarning("{}", warning);
   return scene;
@@ -113,6 +118,10 @@ Scene importScene(const std::filesystem::path& path, const ImportOptions& option
 
 bool hasLight(const Scene& scene) {
   if (!scene.lights.empty() || scene.environment.present()) return true;
+  if (std::any_of(scene.media.begin(), scene.media.end(),
+                  [](const Medium& m) { return m.emits(); })) {
+    return true;
+  }
   return std::any_of(scene.instances.begin(), scene.instances.end(), [&](const Instance& i) {
     return scene.materials[scene.meshes[i.mesh].material].emits();
   });

@@ -14,6 +14,10 @@
 
 #include "src/core/maths.h"
 
+namespace asvo {
+class Medium;
+}
+
 namespace trex {
 
 inline constexpr int kNone = -1;
@@ -125,6 +129,19 @@ struct Environment {
   bool operator==(const Environment&) const = default;
 };
 
+/// Fog, smoke or fire: a grid of voxels that scatters, absorbs and shines (volume.h).
+struct Medium {
+  std::string name;                          ///< its file's
+  std::shared_ptr<const asvo::Medium> grid;  ///< never null
+  dmat4 transform{1.0};     ///< voxels of the grid, whose centres are whole numbers, to the world
+  float density = 1.0f;     ///< extinction of a unit of the grid's density, 1/m
+  vec3 albedo{0.9f};        ///< share of the extinction that scatters, [0, 1]
+  float anisotropy = 0.0f;  ///< g of Henyey and Greenstein, (-1, 1); more than 0: forward
+  /// Radiance a metre of a unit of the grid's emission; of its density if it has no emission.
+  vec3 emission{0.0f};
+  bool emits() const { return emission.x > 0.0f || emission.y > 0.0f || emission.z > 0.0f; }
+};
+
 /// A file that an import read, as it was when it was opened.
 struct SourceFile {
   std::string path;
@@ -142,6 +159,7 @@ struct Scene {
   std::vector<Light> lights;
   std::vector<Camera> cameras;  ///< at least one after importScene
   Environment environment;
+  std::vector<Medium> media;
   std::vector<std::string> objects;  ///< names by object id
   /// Triangles of materials that shine by an edit, decoded again; world places, one object each.
   struct AddedEmitter {

@@ -61,8 +61,8 @@ void LightPass::shoot(std::uint64_t count) {
   std::vector<shaderio::PhotonRecord> records;
   records.reserve(landed.size());
   for (const LandedPhoton& p : landed) {
-    records.push_back(
-        {p.position, cache_.tracer().asvoOctEncode(p.normal), p.power * inverse, p.index});
+    records.push_back({p.position, cache_.tracer().asvoOctEncode(p.normal), p.power * inverse,
+                       p.index + (p.bounces ? 0u : shaderio::kLastLanding)});
   }
   if (!records.empty()) device_.tracePhotons(records, unit_);
   noticeLoss();  // these records are not among the lost

@@ -107,6 +107,10 @@ void Viewer::Impl::open(const std::filesystem::path& path) {
     takeSourceVoxels(std::move(tree), std::move(*device));
   };
   try {
+    for (const std::string& v : options.volumes) {
+      o.options.import.volumes.push_back(parseVolume(v));
+    }
+    o.options.import.maxMemory = options.settings.maxMemory;
     if (!options.environment.empty()) o.options.environment = parseEnvironment(options.environment);
   } catch (const Error& e) {
     failed(e.what());

@@ -27,12 +27,13 @@
 namespace trex {
 
 struct ViewerOptions {
-  std::filesystem::path input;   ///< may be empty: nothing is open
-  std::filesystem::path edits;   ///< overlay to start from; may be empty
-  std::string environment;       ///< as --env; empty: the file's
-  std::string camera;            ///< as --camera; empty: the first one
-  RenderSettings settings;       ///< samples: where refining ends
-  double budgetSeconds = 0.033;  ///< of a step
+  std::filesystem::path input;       ///< may be empty: nothing is open
+  std::filesystem::path edits;       ///< overlay to start from; may be empty
+  std::string environment;           ///< as --env; empty: the file's
+  std::vector<std::string> volumes;  ///< as --volume
+  std::string camera;                ///< as --camera; empty: the first one
+  RenderSettings settings;           ///< samples: where refining ends
+  double budgetSeconds = 0.033;      ///< of a step
   bool useStale = false;
   bool recovery = true;  ///< keep unsaved edits in a recovery file
 };

@@ -213,6 +213,7 @@ std::string Viewer::headlessCommand(const std::string& editsPath, const std::str
       "trex render {} -o {} --size {}x{} --spp {} --exact {} --seed {} --edits {}",
       quoted(m.input.string()), quoted(output), s.width, s.height,
       std::max(m.session ? m.session->samplesDone() : 1u, 1u), s.exact, s.seed, quoted(editsPath));
+  for (const std::string& v : m.options.volumes) command += " --volume " + quoted(v);
   if (!m.options.environment.empty()) command += " --env " + quoted(m.options.environment);
   if (s.guess != GuessKind::kAuto) {
     command += s.guess == GuessKind::kRay ? " --guess ray" : " --guess cone";

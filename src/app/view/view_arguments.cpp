@@ -24,6 +24,7 @@ void addOptions(CLI::App& c, Texts& t, ViewArguments& a) {
   RenderSettings& s = a.viewer.settings;
   c.add_option("INPUT", t.input, "Model: .gltf .glb .ply .obj, or a baked .trex");
   c.add_option("--edits", t.edits, "Edits to start from: a .json that the viewer has saved");
+  c.add_option("--volume", a.viewer.volumes, kVolumeHelp)->allow_extra_args(false);
   c.add_option("--env", a.viewer.environment,
                "Environment: R,G,B or a latitude-longitude .hdr or .exr");
   c.add_option("--camera", a.viewer.camera,

@@ -1,4 +1,4 @@
-#include "src/vdb/vdb_export.h"
+#include "src/vdb/vdb.h"
 
 #include <openvdb/io/File.h>
 #include <openvdb/openvdb.h>
