@@ -91,9 +91,10 @@ int main(int argc, char** argv) {
     std::size_t size = input.size();
     input.resize(size + kRoom);
     for (std::size_t k = 1 + below(4); k > 0; --k) {
-      size = LLVMFuzzerCustomMutator != nullptr
-                 ? LLVMFuzzerCustomMutator(input.data(), size, input.size(), unsigned(generator()()))
-                 : LLVMFuzzerMutate(input.data(), size, input.size());
+      size =
+          LLVMFuzzerCustomMutator != nullptr
+              ? LLVMFuzzerCustomMutator(input.data(), size, input.size(), unsigned(generator()()))
+              : LLVMFuzzerMutate(input.data(), size, input.size());
     }
     // In memory of its own size, so that a read beyond its end is seen.
     const Input exact(input.begin(), input.begin() + static_cast<std::ptrdiff_t>(size));
