@@ -110,7 +110,7 @@ std::uint32_t packArea(float faces, float dither) {
   int exponent = 0;
   const float mantissa = std::frexp(faces, &exponent);  // [0.5, 1)
   auto digits = static_cast<int>(mantissa * 4096.0f + dither);
-  if (digits == 4096) {
+  if (digits >= 4096) {
     digits = 2048;
     ++exponent;
   }
@@ -121,17 +121,17 @@ std::uint32_t packArea(float faces, float dither) {
 }
 
 uvec4 VoxelSums::pack(float dither) const {
-  std::uint32_t c[6];
-  for (int i = 0; i < 6; ++i) {
-    c[i] = static_cast<std::uint32_t>(std::clamp(coverage[i], 0.0f, 1.0f) * 63.0f + dither);
-  }
-  const glm::vec3 a = albedo / std::max(weight, 1e-30f);
-  auto dithered = [dither](float x) {
-    return static_cast<std::uint32_t>(std::clamp(x, 0.0f, 1.0f) * 255.0f + dither);
+  // The sum may be rounded up to the next whole number.
+  const auto cut = [dither](float x, std::uint32_t most) {
+    const float units = std::clamp(x, 0.0f, 1.0f) * static_cast<float>(most) + dither;
+    return std::min(static_cast<std::uint32_t>(units), most);
   };
+  std::uint32_t c[6];
+  for (int i = 0; i < 6; ++i) c[i] = cut(coverage[i], 63u);
+  const glm::vec3 a = albedo / std::max(weight, 1e-30f);
   return {c[0] | c[1] << 6 | c[2] << 12 | c[3] << 18 | c[4] << 24,
           c[5] | packer().asvoPackNormal(normal),
-          dithered(a.x) | dithered(a.y) << 8 | dithered(a.z) << 16 | plane << 24,
+          cut(a.x, 255u) | cut(a.y, 255u) << 8 | cut(a.z, 255u) << 16 | plane << 24,
           material | packArea(area, dither) << 16};
 }
 

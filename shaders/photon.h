@@ -86,8 +86,8 @@ PhotonPath photonBegin(PhotonRecord record, float countsPerWatt) PHOTON_READS {
   path.incoming = -path.normal;
   path.leave = path.normal;
   path.power = record.power;
-  path.bounce = 0u;
-  path.index = record.index;
+  path.bounce = (record.index & kLaterLanding) != 0u ? 1u : 0u;
+  path.index = record.index & (kPhotonNumbers - 1u);
   path.deposits = 0u;
   path.lost = 0u;
   path.voxel = asvoFindNear(record.position, path.normal, ASVO_INFO.depth);

@@ -5,6 +5,8 @@
 #include <cstdint>
 #include <string>
 
+#include "src/session/settings.h"
+
 namespace trex {
 
 /// Adds `trex render`. The returned callback's exit code is written to `exitCode`.
@@ -35,5 +37,7 @@ void parseSize(const std::string& text, std::uint32_t& width, std::uint32_t& hei
 std::uint64_t parseBytes(const std::string& text);
 /// RenderSettings::device of a number, "auto" or "none"; Error(kUsage) else.
 int parseDevice(const std::string& text);
+/// Adds --photon-bounces.
+void addPhotonBounces(CLI::App& command, PhotonKind& kind);
 
 }  // namespace trex

@@ -277,6 +277,7 @@ void addBenchCommand(CLI::App& app, int& exitCode) {
   c->add_option("--guess", a->render.guess, "Guess of far, wide rays: auto, ray or cone")
       ->check(CLI::IsMember({"auto", "ray", "cone"}))
       ->capture_default_str();
+  addPhotonBounces(*c, a->render.settings.photonKind);
   c->add_option("--denoise", a->render.denoise,
                 "Filter guess and correction: auto (with exact below 1), off")
       ->check(CLI::IsMember({"auto", "off"}))

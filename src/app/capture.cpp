@@ -21,8 +21,9 @@ namespace fs = std::filesystem;
 std::uint64_t jobKey(const RenderArguments& a, const Model& model, const std::vector<View>& views) {
   const RenderSettings& s = a.settings;
   std::string text =
-      fmt::format("{} {}x{} {} {} {} {} {} {}", kVersion, s.width, s.height, s.exact, s.seed,
-                  static_cast<int>(s.guess), s.device, s.denoise, a.environment);
+      fmt::format("{} {}x{} {} {} {} {} {} {} {}", kVersion, s.width, s.height, s.exact, s.seed,
+                  static_cast<int>(s.guess), static_cast<int>(s.photonKind), s.device, s.denoise,
+                  a.environment);
   for (const SourceFile& file : model.scene.files)
     text += fmt::format(" {:016x}", hashFile(file.path));
   // A memory limit may have made the voxels coarser.

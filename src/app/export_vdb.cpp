@@ -34,7 +34,7 @@ class Lit {
         tracer_(makeCpuTracer(*model.voxels,
                               photonMaterials(model.scene.materials, model.scene.images))),
         cache_(*model.voxels),
-        pass_(model.scene, *model.rays, lights_, *tracer_, cache_, 0u) {
+        pass_(model.scene, *model.rays, lights_, *tracer_, cache_, 0u, true) {
     pass_.run(photons, [] { return true; });
   }
   /// Radiance that the brighter side of a voxel sends out, emission included.

@@ -1,5 +1,6 @@
 #include <charconv>
 #include <cstdlib>
+#include <map>
 
 #include "src/app/app.h"
 #include "src/core/error.h"
@@ -55,6 +56,16 @@ int parseDevice(const std::string& text) {
     fail(ExitCode::kUsage, "--device {}: want a number, auto or none", text);
   }
   return static_cast<int>(number);
+}
+
+void addPhotonBounces(CLI::App& command, PhotonKind& kind) {
+  const std::map<std::string, PhotonKind> kinds{
+      {"auto", PhotonKind::kAuto}, {"ray", PhotonKind::kRay}, {"voxel", PhotonKind::kVoxel}};
+  command
+      .add_option("--photon-bounces", kind,
+                  "Photons bounce between surfaces (ray), in the voxels on the device (voxel), or "
+                  "(auto) in the voxels if the device has cores of its own")
+      ->transform(CLI::CheckedTransformer(kinds).description("auto|ray|voxel"));
 }
 
 }  // namespace trex

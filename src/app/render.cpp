@@ -148,6 +148,7 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
   c->add_option("--guess", a->guess, "Guess of far, wide rays: auto, ray or cone")
       ->check(CLI::IsMember({"auto", "ray", "cone"}))
       ->capture_default_str();
+  addPhotonBounces(*c, a->settings.photonKind);
   c->add_option("--exposure", a->exposure, "Exposure of .png in stops, or auto")
       ->capture_default_str();
   c->add_option("--aov", a->layers,

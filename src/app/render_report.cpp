@@ -16,6 +16,11 @@ const char* guessName(const SessionReport& r) {
   return r.cones ? "cone" : "ray";
 }
 
+const char* photonName(const SessionReport& r) {
+  if (r.photons == 0) return "none";
+  return r.photonRays ? "ray" : "voxel";
+}
+
 bool filtered(const RenderSettings& s) { return s.denoise && s.exact < 1.0; }
 
 }  // namespace
@@ -35,6 +40,7 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
       {"seed", a.settings.seed},
       {"device", r.device},
       {"guess", guessName(r)},
+      {"photon_bounces", photonName(r)},
       {"triangles", r.mesh.triangles},
       {"unique_triangles", r.mesh.uniqueTriangles},
       {"instances", r.mesh.instances},
@@ -95,6 +101,7 @@ void addMetadata(Picture& picture, const RenderArguments& a, const View& view,
   put("seed", std::to_string(a.settings.seed));
   put("exact", fmt::format("{}", a.settings.exact));
   put("guess", guessName(r));
+  put("photonBounces", photonName(r));
   put("denoised", filtered(a.settings) ? "yes" : "no");
   put("device", r.device);
   put("nonFiniteSamples", std::to_string(r.nonFinite));

@@ -24,12 +24,11 @@ bool scatterInMedium(const MediaCollision& collision, Sampler& sampler, vec3& or
   return true;
 }
 
-/// Follows one photon to the first surface that can hold light; with media on to all others, since
-/// voxels do not know them: then each landing is the last that its record stands for. The photon is
+/// Follows one photon to the first surface that can hold light, or on to all others. It is
 /// scattered by media once, before its first surface, as C-rays see it (Integrator::passMedia);
 /// later media just take photons away.
 void follow(const Scene& scene, const RayScene& rays, Sampler& sampler, const EmittedPhoton& photon,
-            LandedPhoton out, std::vector<LandedPhoton>& landed) {
+            bool allBounces, LandedPhoton out, std::vector<LandedPhoton>& landed) {
   const Media* const media = rays.media();
   vec3 origin = photon.origin, direction = photon.direction, power = photon.power;
   const float start = maxComponent(power);
@@ -58,8 +57,8 @@ void follow(const Scene& scene, const RayScene& rays, Sampler& sampler, const Em
         out.normal = bsdf.geometricNormal();
         out.power = power;
         landed.push_back(out);
-        if (media == nullptr) return;
-        landed.back().bounces = false;
+        if (!allBounces) return;
+        ++out.bounce;
       }
       if (!bsdf.sample(sampler, next)) return;
       power *= next.weight * next.etaSquared;
@@ -77,7 +76,7 @@ void follow(const Scene& scene, const RayScene& rays, Sampler& sampler, const Em
 
 std::vector<LandedPhoton> landPhotons(const Scene& scene, const RayScene& rays,
                                       const LightSet& lights, std::uint32_t seed,
-                                      std::uint64_t first, std::uint64_t count,
+                                      std::uint64_t first, std::uint64_t count, bool allBounces,
                                       std::span<const EmissionGuide> guides) {
   const std::uint64_t chunks = (count + kChunk - 1) / kChunk;
   std::vector<std::vector<LandedPhoton>> landed(chunks);
@@ -93,7 +92,7 @@ std::vector<LandedPhoton> landPhotons(const Scene& scene, const RayScene& rays,
       out.source = photon.source;
       out.primary = photon.primary;
       out.density = photon.density;
-      follow(scene, rays, sampler, photon, out, landed[chunk]);
+      follow(scene, rays, sampler, photon, allBounces, out, landed[chunk]);
     }
   });
   std::vector<LandedPhoton> all;

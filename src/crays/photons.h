@@ -1,6 +1,8 @@
 // First flights of photons: from a light, through specular chains, to the first surface that can
 // hold light. They are C-rays, so direct light and caustics in the cache are sharp [Jensen 1996].
-// In a scene with media C-rays carry photons on to the end of their way: voxels know no media.
+// C-rays may also carry photons on to the end of their way: voxels know no media, and where the
+// device shares the host's cores rays between real surfaces cost less than their way through voxels
+// (docs/figures.md).
 #pragma once
 
 #include <cstdint>
@@ -19,15 +21,15 @@ struct LandedPhoton {
   std::uint32_t source;  ///< this and the rest as in EmittedPhoton
   vec4 primary;
   float density;
-  bool bounces = true;  ///< the rest of its way is left to the voxels
+  std::uint32_t bounce;  ///< landings of this photon before
 };
 
 /// Traces photons first, first + 1, ... first + count - 1; those that land, in the order of their
-/// numbers, and of their landings in a scene with media. Deterministic for any number of threads
-/// (oneTBB). `guides` as in LightSet::emit.
+/// numbers and, with `allBounces`, of their landings; without, only the first is there.
+/// Deterministic for any number of threads (oneTBB). `guides` as in LightSet::emit.
 std::vector<LandedPhoton> landPhotons(const Scene& scene, const RayScene& rays,
                                       const LightSet& lights, std::uint32_t seed,
-                                      std::uint64_t first, std::uint64_t count,
+                                      std::uint64_t first, std::uint64_t count, bool allBounces,
                                       std::span<const EmissionGuide> guides = {});
 
 /// Teaches the guides which photons landed where light is wanted, in their order. Returns how many

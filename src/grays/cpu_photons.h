@@ -18,6 +18,8 @@ using glm::min;
 using glm::uvec3;
 using glm::vec3;
 using shaderio::kLastLanding;
+using shaderio::kLaterLanding;
+using shaderio::kPhotonNumbers;
 using shaderio::PhotonMaterial;
 using shaderio::PhotonRecord;
 using std::abs;

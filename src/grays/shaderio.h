@@ -21,7 +21,10 @@ SHADERIO_CONST uint kGatherGroupSize = 256u;
 
 /// Entry of the page table for a page that is not on the device.
 SHADERIO_CONST uint kNoSlot = 0xffffffffu;
-/// Added to the number of a photon whose record is all that the device adds of it: no bounces.
+/// Photon numbers are below that. Added to the number of a record: kLastLanding, the record is all
+/// that the device adds of the photon, no bounces; kLaterLanding, the photon has bounced before.
+SHADERIO_CONST uint kPhotonNumbers = 0x40000000u;
+SHADERIO_CONST uint kLaterLanding = 0x40000000u;
 SHADERIO_CONST uint kLastLanding = 0x80000000u;
 
 /// Bits of GatherQuery::flags.

@@ -11,9 +11,9 @@ namespace {
 constexpr std::uint64_t kBatch = 1u << 18;  // photons that guides learn from at a time
 /// Guides learn after each batch, so the first ones are small.
 constexpr std::uint64_t kPilotBatch = 1u << 14, kPilotPhotons = 1u << 17;
-constexpr double kChunkSeconds = 0.003;           // between two questions whether to go on
-constexpr std::uint64_t kMostPhotons = 1u << 31;  // photon numbers are 32 bits wide
-/// Counts of the largest photon: 2^31 photons x 2^6 deposits x 2^20 counts stay below 2^63.
+constexpr double kChunkSeconds = 0.003;  // between two questions whether to go on
+constexpr std::uint64_t kMostPhotons = shaderio::kPhotonNumbers;
+/// Counts of the largest photon: 2^30 photons x 2^6 deposits x 2^20 counts stay below 2^63.
 constexpr double kLargestCounts = 1u << 20;
 
 }  // namespace
@@ -27,8 +27,14 @@ std::uint64_t photonTarget(std::uint32_t sample, std::uint64_t pixels) {
 }
 
 LightPass::LightPass(const Scene& scene, const RayScene& rays, const LightSet& lights,
-                     GRayTracer& device, LightCache& cache, std::uint32_t seed)
-    : scene_(scene), rays_(rays), lights_(lights), device_(device), cache_(cache), seed_(seed) {
+                     GRayTracer& device, LightCache& cache, std::uint32_t seed, bool rayBounces)
+    : scene_(scene),
+      rays_(rays),
+      lights_(lights),
+      device_(device),
+      cache_(cache),
+      seed_(seed),
+      rayBounces_(rayBounces || rays.media() != nullptr) {
   const Box3f bounds = rays.bounds();
   const double radius = bounds.empty() ? 1.0 : 0.5 * glm::length(dvec3(bounds.size()));
   const double sphere = 4.0 * std::numbers::pi * radius * radius;
@@ -57,17 +63,20 @@ std::uint64_t LightPass::boundary() const {
 void LightPass::shoot(std::uint64_t count) {
   const auto inverse = static_cast<float>(1.0 / scale_);
   const std::uint64_t end = boundary();
-  const auto landed = landPhotons(scene_, rays_, lights_, seed_, emitted_, count, guides_);
+  const auto landed =
+      landPhotons(scene_, rays_, lights_, seed_, emitted_, count, rayBounces_, guides_);
   std::vector<shaderio::PhotonRecord> records;
   records.reserve(landed.size());
   for (const LandedPhoton& p : landed) {
-    records.push_back({p.position, cache_.tracer().asvoOctEncode(p.normal), p.power * inverse,
-                       p.index + (p.bounces ? 0u : shaderio::kLastLanding)});
+    const std::uint32_t flags =
+        (rayBounces_ ? shaderio::kLastLanding : 0u) + (p.bounce > 0 ? shaderio::kLaterLanding : 0u);
+    records.push_back(
+        {p.position, cache_.tracer().asvoOctEncode(p.normal), p.power * inverse, p.index + flags});
+    landed_ += p.bounce == 0 ? 1 : 0;
   }
   if (!records.empty()) device_.tracePhotons(records, unit_);
   noticeLoss();  // these records are not among the lost
   emitted_ += count;
-  landed_ += records.size();
   if (guides_.empty()) return;
   unlearned_.insert(unlearned_.end(), landed.begin(), landed.end());
   if (emitted_ < end) return;

@@ -19,8 +19,10 @@ std::uint64_t photonTarget(std::uint32_t sample, std::uint64_t pixels);
 
 class LightPass {
  public:
+  /// `rayBounces`: photons bounce as C-rays, and the device only adds up where they land. They do
+  /// so in a scene with media, whatever is said here: voxels know no media.
   LightPass(const Scene& scene, const RayScene& rays, const LightSet& lights, GRayTracer& device,
-            LightCache& cache, std::uint32_t seed);
+            LightCache& cache, std::uint32_t seed, bool rayBounces);
 
   /// Photons of outside sources shall go where this camera's picture of width x height needs light.
   /// To be called before the first run(); without it they start uniformly. Costs some ms, and
@@ -39,8 +41,9 @@ class LightPass {
   std::uint64_t resolved() const { return resolved_; }
   /// Whether photons are aimed at a camera.
   bool guided() const { return !guides_.empty(); }
+  bool rayBounces() const { return rayBounces_; }
   std::uint64_t landed() const { return landed_; }
-  /// Of the photons from outside, those that landed where aim() found light to be wanted.
+  /// Landings of photons from outside where aim() found light to be wanted.
   std::uint64_t wanted() const { return wanted_; }
   double seconds() const { return seconds_; }
   /// W/m^2 in one unit of the device's irradiance: the mean over the scene's sphere, so that the
@@ -60,6 +63,7 @@ class LightPass {
   GRayTracer& device_;
   LightCache& cache_;
   std::uint32_t seed_;
+  bool rayBounces_;
   double scale_ = 1.0, unit_ = 1.0, seconds_ = 0.0;
   std::uint64_t emitted_ = 0, landed_ = 0, wanted_ = 0;
   std::uint64_t lost_ = 0;               ///< of the emitted: their flux went with a device

@@ -55,6 +55,7 @@ struct SessionReport {
   int voxelDepth = 0;
   double lightScale = 1.0;
   std::string device = "none";  ///< where G-rays run
+  bool photonRays = false;      ///< photons bounce as C-rays
   bool cones = false;
 };
 

@@ -49,7 +49,8 @@ void Session::setVoxels(std::shared_ptr<const asvo::Tree> tree,
   report_.leaves = tree->info.leafCount;
   report_.voxelDepth = static_cast<int>(tree->info.depth);
   report_.voxelBytes = tree->nodes.size() * sizeof(asvo::uvec2) +
-                       (tree->voxels.size() + tree->leaves.size()) * sizeof(asvo::uvec4);
+                       tree->voxels.size() * sizeof(asvo::uvec4) +
+                       tree->leaves.size() * sizeof(asvo::uvec2);
   report_.device = device->name();
   auto side = std::make_unique<LightSide>();
   side->tree = std::move(tree);
@@ -108,8 +109,11 @@ void Session::startLight() {
   LightSide* side = nextLight();
   if (side == nullptr) return;
   side->device->resetFlux();
+  const bool rays = settings_.photonKind == PhotonKind::kRay ||
+                    (settings_.photonKind == PhotonKind::kAuto && side->device->sharesHostCores());
   side->pass = std::make_unique<LightPass>(model_->scene, *model_->rays, *lights_, *side->device,
-                                           *side->cache, settings_.seed);
+                                           *side->cache, settings_.seed, rays);
+  report_.photonRays = side->pass->rayBounces();
   if (settings_.interactive) settings_.aim = view_;
   const double mark = secondsNow();
   const CameraRays aim(settings_.aim.value_or(view_), model_->rays->renderOrigin(), settings_.width,

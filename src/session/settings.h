@@ -16,6 +16,13 @@ enum class GuessKind : std::uint8_t {
   kCone,  ///< G0: a cone through the voxels beyond the near field
 };
 
+/// How photons go on from their first surface.
+enum class PhotonKind : std::uint8_t {
+  kAuto,   ///< through voxels where the device has cores of its own, else by rays
+  kRay,    ///< as C-rays between the real surfaces
+  kVoxel,  ///< through the voxels, on the device
+};
+
 struct RenderSettings {
   static constexpr int kBestDevice = -1;
   static constexpr int kNoDevice = -2;
@@ -28,6 +35,7 @@ struct RenderSettings {
   std::uint32_t seed = 0;
   int device = kBestDevice;  ///< number of a Vulkan device, or one of the above
   GuessKind guess = GuessKind::kAuto;
+  PhotonKind photonKind = PhotonKind::kAuto;
   bool denoise = false;            ///< filter the guess and its correction; only with exact < 1
   bool interactive = false;        ///< driven by step(), see session.h
   std::uint64_t photons = 0;       ///< at least so many before the first sample

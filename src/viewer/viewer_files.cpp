@@ -218,6 +218,10 @@ std::string Viewer::headlessCommand(const std::string& editsPath, const std::str
   if (s.guess != GuessKind::kAuto) {
     command += s.guess == GuessKind::kRay ? " --guess ray" : " --guess cone";
   }
+  if (s.photonKind != PhotonKind::kAuto) {
+    command +=
+        s.photonKind == PhotonKind::kRay ? " --photon-bounces ray" : " --photon-bounces voxel";
+  }
   if (!s.denoise) command += " --denoise off";
   if (s.device == RenderSettings::kNoDevice) command += " --device none";
   if (s.device >= 0) command += fmt::format(" --device {}", s.device);

@@ -158,6 +158,7 @@ class AppTest(unittest.TestCase):
                 (["render", self.cornell, "-o", out, "--threads", "0"], "threads"),
                 (["render", self.cornell, "-o", out, "--device", "gpu"], "device"),
                 (["render", self.cornell, "-o", out, "--guess", "magic"], "guess"),
+                (["render", self.cornell, "-o", out, "--photon-bounces", "0"], "photon-bounces"),
                 (["render", self.cornell, "-o", out, "--exposure", "bright"], "exposure"),
                 (["render", self.cornell, "-o", out, "--camera", "1,2/3"], "camera"),
                 (["render", self.cornell, "-o", out, "--max-memory", "much"], "much"),

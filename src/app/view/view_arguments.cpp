@@ -43,6 +43,7 @@ void addOptions(CLI::App& c, Texts& t, ViewArguments& a) {
   c.add_option("--guess", t.guess, "Guess of far, wide rays: auto, ray or cone")
       ->check(CLI::IsMember({"auto", "ray", "cone"}))
       ->capture_default_str();
+  addPhotonBounces(c, a.viewer.settings.photonKind);
   c.add_option("--denoise", t.denoise, "Filter the guess and its correction: auto or off")
       ->check(CLI::IsMember({"auto", "off"}))
       ->capture_default_str();
