@@ -25,8 +25,8 @@ namespace trex {
 struct ImportOptions {
   bool loadTextures = true;
   bool environmentGiven = false;  ///< the caller sets Scene::environment itself: no default sky
-  std::vector<VolumeRequest> volumes;  ///< media besides those of the file
-  std::uint64_t maxMemory = 0;         ///< bytes this process may use; 0: what the machine has
+  std::vector<VolumeRequest> volumes{};  ///< media besides those of the file
+  std::uint64_t maxMemory = 0;           ///< bytes this process may use; 0: what the machine has
 };
 
 /// Reads a model by its extension, or makes it if the path is a synth: name (synth.h). Throws

@@ -78,7 +78,8 @@ std::filesystem::path writeInput(const std::string& name, Bytes bytes) {
   }();
   std::filesystem::path path = folder / name;
   std::FILE* file = std::fopen(path.c_str(), "wb");
-  require(file != nullptr && std::fwrite(bytes.data(), 1, bytes.size(), file) == bytes.size());
+  require(file != nullptr);
+  if (!bytes.empty()) require(std::fwrite(bytes.data(), 1, bytes.size(), file) == bytes.size());
   std::fclose(file);
   return path;
 }
