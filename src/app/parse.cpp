@@ -1,6 +1,5 @@
 #include <charconv>
 #include <cstdlib>
-#include <map>
 
 #include "src/app/app.h"
 #include "src/core/error.h"
@@ -59,13 +58,18 @@ int parseDevice(const std::string& text) {
 }
 
 void addPhotonBounces(CLI::App& command, PhotonKind& kind) {
-  const std::map<std::string, PhotonKind> kinds{
-      {"auto", PhotonKind::kAuto}, {"ray", PhotonKind::kRay}, {"voxel", PhotonKind::kVoxel}};
+  const auto set = [&kind](const std::string& name) {
+    kind = name == "ray"     ? PhotonKind::kRay
+           : name == "voxel" ? PhotonKind::kVoxel
+                             : PhotonKind::kAuto;
+  };
   command
-      .add_option("--photon-bounces", kind,
-                  "Photons bounce between surfaces (ray), in the voxels on the device (voxel), or "
-                  "(auto) in the voxels if the device has cores of its own")
-      ->transform(CLI::CheckedTransformer(kinds).description("auto|ray|voxel"));
+      .add_option_function<std::string>("--photon-bounces", set,
+                                        "Photons bounce between surfaces (ray), in the voxels on "
+                                        "the device (voxel), or (auto) in "
+                                        "the voxels if the device has cores of its own")
+      ->check(CLI::IsMember({"auto", "ray", "voxel"}))
+      ->default_str("auto");
 }
 
 }  // namespace trex

@@ -89,7 +89,8 @@ Shot shoot(const Scene& scene, bool guided, std::uint32_t seed = 0) {
   lights.hint(importance, rays, shot.guides);
   for (std::uint64_t i = 0; i < kBatches; ++i) {
     if (!guided) shot.guides = lights.guides();
-    const auto batch = landPhotons(scene, rays, lights, seed, i * kBatch, kBatch, false, shot.guides);
+    const auto batch =
+        landPhotons(scene, rays, lights, seed, i * kBatch, kBatch, false, shot.guides);
     shot.wanted += learn(batch, importance, shot.guides);
     shot.landed.insert(shot.landed.end(), batch.begin(), batch.end());
     for (const LandedPhoton& p : batch) {

@@ -213,13 +213,15 @@ class StreamBake(unittest.TestCase):
         deadline = time.monotonic() + 60
         journal = self.path(".x.bake-journal.tmp")
         pages = self.path(".x.bake.tmp")
-        # Pages are written once the journal has its key and the spill; what it has more is buckets.
-        listed = None
+        # Pages are written once the journal has its key and the spill; what it has more is buckets. Of the last
+        # one, pages or its entry may not be whole yet, so wait for two more.
+        listed, buckets = None, 0
         while p.poll() is None and time.monotonic() < deadline:
             if os.path.exists(pages) and os.path.getsize(pages) > 0:
                 size = os.path.getsize(journal)
-                listed = size if listed is None else listed
-                if size > listed:
+                buckets += listed is not None and size > listed
+                listed = size
+                if buckets == 2:
                     break
             time.sleep(0.002)
         p.kill()
