@@ -6,6 +6,7 @@
 //   asvo_layout.h   the arrays, word by word; shared with GLSL
 //   asvo_trace.h    the tracer, one text for GLSL and C++
 //   tracer.h        class Tracer: the C++ build of that text
+//   medium.h        fog, smoke and fire beside the tree; medium_trace.h follows rays through them
 //   FORMAT.md       the file
 //
 // What a tree holds

@@ -5,6 +5,7 @@
 
 #include <cstring>
 #include <exception>
+#include <filesystem>
 #include <map>
 #include <new>
 #include <stdexcept>
@@ -241,6 +242,14 @@ extern "C" int trexReadVdb(const char* path, std::uint64_t maxBytes, int output)
     complain(output, e.what());
     return kTrexVdbTooLarge;
   } catch (const std::bad_alloc&) {
+    // Sizes of a damaged file are any; those of a good one are bounded by its compression.
+    constexpr std::uintmax_t kMostExpansion = 1032;  // of zlib, the most of those in use
+    std::error_code error;
+    const std::uintmax_t bytes = std::filesystem::file_size(path, error);
+    if (!error && bytes < maxBytes / kMostExpansion) {
+      complain(output, "is damaged: it asks for more memory than so short a file can fill");
+      return kTrexVdbBad;
+    }
     complain(output, "there is not enough memory to read it");
     return kTrexVdbTooLarge;
   } catch (const std::exception& e) {
