@@ -34,6 +34,12 @@ vec3 mappedNormal(const Scene& scene, const Material& material, const Surface& s
 
 }  // namespace
 
+bool isClearGlass(const Material& m) {
+  const bool textured = m.metallicRoughnessTexture.present();
+  const bool smooth = textured || m.roughness * m.roughness < kSmallestAlpha;
+  return m.transmission > 0.0f && (textured || m.metallic < 1.0f) && !m.unlit && smooth;
+}
+
 float fresnelDielectric(float cosine, float eta) {
   cosine = std::clamp(cosine, 0.0f, 1.0f);
   const float sinT2 = (1.0f - cosine * cosine) / (eta * eta);
@@ -231,6 +237,18 @@ bool Bsdf::refract(const vec3& microNormal, vec3& in) const {
   if (cosine <= 0.0f || sinT2 >= 1.0f) return false;
   in = glm::normalize(-out_ / eta_ + (cosine / eta_ - std::sqrt(1.0f - sinT2)) * microNormal);
   return in.z < 0.0f;
+}
+
+vec3 Bsdf::clearTransmission() const {
+  if (!smooth_ || lobes_.transmission <= 0.0f) return vec3(0.0f);
+  return transmissionTint_ * (1.0f - dielectricWeight(out_.z));
+}
+
+bool Bsdf::clearRefraction(vec3& direction) const {
+  vec3 local;
+  if (!refract(vec3(0.0f, 0.0f, 1.0f), local)) return false;
+  direction = basis_.toWorld(local);
+  return glm::dot(direction, geometricNormal_) < 0.0f;
 }
 
 bool Bsdf::sampleSpecular(Sampler& sampler, BsdfSample& out) const {

@@ -54,9 +54,19 @@ class Bsdf {
   /// Unit geometric and shading normals on the side of `outgoing`.
   const vec3& geometricNormal() const { return geometricNormal_; }
   const vec3& normal() const { return basis_.normal; }
-  /// Whether a transmitted ray is now inside a volume; and its absorption per metre.
-  bool entersVolume() const { return entering_; }
-  vec3 absorption() const { return absorption_; }
+  /// Share of light, by colour, that the covered part lets pass smoothly; 0 if it is rough.
+  vec3 clearTransmission() const;
+  /// Whether that light is refracted (a face of a volume); it goes straight on otherwise.
+  bool refracts() const { return refracts_; }
+  /// Index of the far side over that of the near one, where it is.
+  float eta() const { return eta_; }
+  /// Where a ray that came from `outgoing` goes on; false if it is reflected totally.
+  bool clearRefraction(vec3& direction) const;
+  /// Absorption per metre of where a direction leads, if on this side it is `here`.
+  vec3 absorptionTowards(const vec3& direction, const vec3& here) const {
+    if (!refracts_ || glm::dot(direction, geometricNormal_) >= 0.0f) return here;
+    return entering_ ? absorption_ : vec3(0.0f);
+  }
 
  private:
   struct Lobes {
@@ -84,6 +94,9 @@ class Bsdf {
   bool unlit_ = false, onlyDelta_ = false, smooth_ = false, refracts_ = false, entering_ = true;
   bool cacheable_ = true;
 };
+
+/// Whether a material has smooth transmission somewhere.
+bool isClearGlass(const Material& material);
 
 /// Fresnel reflectance of a dielectric, unpolarised. cosine >= 0 on the incident side; eta: index
 /// of the far side over the near side. 1 at total internal reflection.

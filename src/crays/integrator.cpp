@@ -8,7 +8,6 @@ namespace {
 
 constexpr int kRouletteFrom = 3;   // bounces before Russian roulette may end a path
 constexpr int kMostBounces = 256;  // a backstop: roulette ends paths long before
-constexpr int kMostLayers = 1024;  // transparent layers that one ray may pass
 /// Width of a shadow cone as a share of its light's. Wide ones meet voxels at the edges of rooms,
 /// which know no planes: with 0.25 a furnace of albedo 0.5 is 1.9 % dark, with 0.06 it is 0.7 %.
 constexpr float kShadowWidth = 0.06f;
@@ -51,15 +50,15 @@ struct Integrator::Path {
   PathSample result{};
   std::uint32_t pixelTag;
   bool paired, coupled;
-  vec3 vertex{0.0f};  // the last scattering surface point
+  vec3 vertex{0.0f};  // the last surface point that scattered, reflected or bent the path
+  ClearPath clear{};  // since then
   vec3 origin{0.0f}, direction{0.0f}, throughput{1.0f}, absorption{0.0f};
   float tnear = 0.0f;
-  float travelled = 0.0f;  // from the last scattering to `origin`, through transparent layers
+  float travelled = 0.0f;  // from `vertex` to `origin`, through transparent layers and clear glass
   float roulette = 1.0f;   // undoes the radiance scaling of refraction
-  float scatterPdf =
-      kInfinity;           // density of `direction` at the last surface; infinite after a delta
-  float roughness = 0.0f;  // of the last lobe
-  bool coneRay = false;    // the last vertex hands its far field to a cone
+  float scatterPdf = kInfinity;  // density of the direction at `vertex`; infinite after a delta
+  float roughness = 0.0f;        // of the last lobe
+  bool coneRay = false;          // the last vertex hands its far field to a cone
   int bounces = 0;
   int layers = 0;       // of the bounces, those through transparent layers
   int scattered = 0;    // times, mirrors and clear glass not counted
@@ -73,6 +72,16 @@ struct Integrator::Path {
     if (!direct) return;
     if (coupled) result.direct += light;
     result.directExact += light;
+  }
+  /// Density of the direction at `vertex` if light sampling there finds what comes next, else
+  /// infinite.
+  float density() const { return clear.straight(direction) ? scatterPdf : kInfinity; }
+  /// The direction at `vertex`.
+  const vec3& aim() const { return clear.begun() ? clear.direction() : direction; }
+  /// A transparent layer or clear glass is left behind.
+  void pass() {
+    if (clear.begun()) clear.advance(hit.t);
+    travelled += hit.t;
   }
   /// The guess parts from the path. False if nobody follows the exact path.
   bool part() {
@@ -89,9 +98,8 @@ Integrator::Integrator(const Scene& scene, const RayScene& rays, const LightSet&
       camera_(camera),
       media_(rays.media()),
       guess_(guess),
-      seed_(seed) {
-  for (const Material& m : scene.materials) transparent_ |= m.alphaMode != AlphaMode::kOpaque;
-}
+      seed_(seed),
+      layers_(scene, rays) {}
 
 PathSample Integrator::sample(std::uint32_t x, std::uint32_t y, std::uint32_t width,
                               std::uint32_t sample, bool paired, std::uint32_t pixelTag,
@@ -114,31 +122,34 @@ PathSample Integrator::sample(std::uint32_t x, std::uint32_t y, std::uint32_t wi
 /// Finds the next surface. False if the path has left the scene or a cone goes on in its place.
 bool Integrator::advance(Path& path) const {
   ++path.counts.cRays;
-  bool cone = path.coneRay && path.coupled;
+  bool cone = path.coneRay && path.coupled && !path.clear.begun();
   const float near = nearField();
   // Voxels know nothing of media: a cone whose axis meets one is an exact ray into cached light.
   if (media_ != nullptr && cone) {
     cone = !media_->meets(path.origin, path.direction, path.tnear, kInfinity);
   }
-  if (rays_.intersect(path.origin, path.direction, path.tnear, cone ? near : kInfinity, path.hit)) {
-    return true;
+  // Nor of clear glass: so it is with a cone whose axis meets that first.
+  const bool whole = !cone || layers_.glass();
+  bool met =
+      rays_.intersect(path.origin, path.direction, path.tnear, whole ? kInfinity : near, path.hit);
+  if (met && cone && whole) {
+    cone = path.hit.t > near && !layers_.isGlass(rays_.surface(path.hit).material);
+    if (!cone) return true;
   }
-  if (!cone) {
-    miss(path);
-    return false;
+  if (cone && !(met && path.hit.t <= near)) {
+    path.tnear = near;
+    if (!handToCone(path)) return false;
+    if (!whole) met = rays_.intersect(path.origin, path.direction, near, kInfinity, path.hit);
   }
-  path.tnear = near;
-  if (!handToCone(path)) return false;
-  if (rays_.intersect(path.origin, path.direction, near, kInfinity, path.hit)) return true;
-  miss(path);
-  return false;
+  if (!met) miss(path);
+  return met;
 }
 
 void Integrator::miss(Path& path) const {
   if (media_ != nullptr) passMedia(path, kInfinity);
   if (!lights_.hasEnvironment()) return;
   const float weight =
-      powerHeuristic(path.scatterPdf, lights_.pdfEnvironment(path.vertex, path.direction));
+      powerHeuristic(path.density(), lights_.pdfEnvironment(path.vertex, path.aim()));
   path.add(path.throughput * lights_.environment(path.direction) * weight, path.scattered <= 1);
 }
 
@@ -173,10 +184,10 @@ bool Integrator::meet(Path& path) const {
   if (bsdf.coverage() < 1.0f && path.sampler.next1D() >= bsdf.coverage()) {
     path.origin = surface.leave(path.direction);
     path.tnear = 0.0f;
-    path.travelled += path.hit.t;
+    path.pass();
     path.length += path.hit.t;
     ++path.layers;
-    return ++path.bounces < kMostLayers;
+    return ++path.bounces < ClearLayers::kMost;
   }
   path.length += path.hit.t;
   if (path.bounces == path.layers) {
@@ -190,15 +201,14 @@ bool Integrator::meet(Path& path) const {
                            surface.position, camera_.footprint(path.length)};
   }
   if (maxComponent(bsdf.emission()) > 0.0f) {
-    float weight = 1.0f;
-    if (path.scatterPdf < kInfinity && !bsdf.unlit()) {
-      const float cosine = std::abs(glm::dot(surface.geometricNormal, path.direction));
-      weight = powerHeuristic(path.scatterPdf,
-                              lights_.pdfEmitter(path.vertex, surface.object, surface.material,
-                                                 path.travelled + path.hit.t, cosine));
-    }
+    ClearPath way = path.clear;
+    if (way.begun()) way.advance(path.hit.t);
+    const float density = bsdf.unlit() ? kInfinity : path.density(),
+                travelled = path.travelled + path.hit.t;
+    const float weight =
+        emitterWeight(density, path.vertex, way, travelled, path.direction, surface);
     const vec3 light = path.throughput * bsdf.emission() * weight;
-    if (path.coneRay && path.coupled && path.travelled + path.hit.t > nearField()) {
+    if (path.coneRay && path.coupled && density < kInfinity && travelled > nearField()) {
       // In place of a cone, which gathers no emission (sampleLight): the exact path's alone.
       path.result.exact += light;
       if (path.scattered <= 1) path.result.directExact += light;
@@ -214,9 +224,25 @@ bool Integrator::meet(Path& path) const {
   return scatter(path, surface, bsdf, coneVertex);
 }
 
+/// Share of an emitter's light that falls to a path from a vertex, where light sampling may find it
+/// too. `density` as Path::density(), `travelled` metres to it by `way`.
+float Integrator::emitterWeight(float density, const vec3& vertex, const ClearPath& way,
+                                float travelled, const vec3& direction,
+                                const Surface& surface) const {
+  if (!(density < kInfinity)) return 1.0f;
+  const float cosine = std::abs(glm::dot(surface.geometricNormal, direction));
+  const auto sampled = [&](float distance) {
+    return lights_.pdfEmitter(vertex, surface.object, surface.material, distance, cosine);
+  };
+  if (!way.begun()) return powerHeuristic(density, sampled(travelled));
+  // Light sampling chooses along the straight line; what counts is its density on this way.
+  const float distance = glm::length(surface.position - vertex);
+  return powerHeuristic(density, sampled(distance) * way.spread() / (distance * distance));
+}
+
 /// G1: reads the cache if the ray's footprint is wide enough here. True if it did.
 bool Integrator::endInCache(Path& path, const Surface& surface, const Bsdf& bsdf) const {
-  if (!(path.scatterPdf < kInfinity) || !bsdf.cacheable()) return false;
+  if (!(path.density() < kInfinity) || !bsdf.cacheable()) return false;
   const float radius = (path.travelled + path.hit.t) * guess_.footprint.spread(path.roughness);
   if (radius < guess_.footprint.cacheVoxels * guess_.cache->leafSize()) return false;
   const vec2 jitter = path.sampler.next2D();
@@ -257,10 +283,11 @@ vec3 Integrator::scatteredLight(Path& path, const vec3& point, float anisotropy)
   vec3 sum(0.0f);
   LightSample light;
   if (!lights_.empty() && lights_.sample(point, path.sampler, light)) {
-    const float phase = henyeyGreenstein(glm::dot(light.direction, path.direction), anisotropy);
-    const float weight = light.delta ? 1.0f : powerHeuristic(light.pdf, phase);
-    const float passed = visibility(path, point, light.direction, light.distance);
-    sum += light.radiance * (phase * weight * passed / light.pdf);
+    const LightConnection way = connect(path, point, light.direction, light.distance, vec3(0.0f));
+    const float phase = henyeyGreenstein(glm::dot(way.direction, path.direction), anisotropy);
+    const float pdf = light.pdf / way.focus;
+    const float weight = light.delta ? 1.0f : powerHeuristic(pdf, phase);
+    sum += light.radiance * way.passed * (phase * weight / pdf);
   }
   if (lights_.canBeHit()) {
     const vec3 to = sampleHenyeyGreenstein(path.direction, anisotropy, path.sampler.next2D());
@@ -273,55 +300,73 @@ vec3 Integrator::scatteredLight(Path& path, const vec3& point, float anisotropy)
 /// Radiance of the light that a ray from a point of a medium meets, dimmed by media. `pdf`: density
 /// of the direction.
 vec3 Integrator::lightAlong(Path& path, const vec3& point, const vec3& direction, float pdf) const {
-  vec3 from = point;
-  float travelled = 0.0f;
+  ClearWalk walk{.origin = point, .direction = direction};
+  vec3 sum(0.0f);
   ++path.counts.shadowRays;
-  for (int layer = 0; layer < kMostLayers; ++layer) {
+  for (int layer = 0; layer < ClearLayers::kMost; ++layer) {
     RayHit hit;
-    if (!rays_.intersect(from, direction, 0.0f, kInfinity, hit)) {
-      if (!lights_.hasEnvironment()) return vec3(0.0f);
-      const float weight = powerHeuristic(pdf, lights_.pdfEnvironment(point, direction));
-      return lights_.environment(direction) *
-             (weight * media_->transmittance(point, direction, kInfinity));
+    if (!rays_.intersect(walk.origin, walk.direction, 0.0f, kInfinity, hit)) {
+      if (!lights_.hasEnvironment()) return sum;
+      const float density = walk.path.straight(walk.direction) ? pdf : kInfinity;
+      const float weight = powerHeuristic(density, lights_.pdfEnvironment(point, direction));
+      return sum + walk.passed * lights_.environment(walk.direction) *
+                       (weight * media_->transmittance(point, direction, kInfinity));
     }
+    walk.advance(hit.t);
     const Surface surface = rays_.surface(hit);
-    const Bsdf bsdf(scene_, surface, -direction);
-    travelled += hit.t;
-    if (bsdf.coverage() < 1.0f && path.sampler.next1D() >= bsdf.coverage()) {
-      from = surface.leave(direction);
-      continue;
+    const Bsdf bsdf(scene_, surface, -walk.direction);
+    if (!bsdf.unlit() && maxComponent(bsdf.emission()) > 0.0f) {
+      const float weight = emitterWeight(walk.path.straight(walk.direction) ? pdf : kInfinity,
+                                         point, walk.path, walk.length, walk.direction, surface);
+      sum += walk.passed * bsdf.emission() *
+             (bsdf.coverage() * weight * media_->transmittance(point, direction, walk.length));
     }
-    if (bsdf.unlit() || maxComponent(bsdf.emission()) <= 0.0f) return vec3(0.0f);
-    const float cosine = std::abs(glm::dot(surface.geometricNormal, direction));
-    const float weight = powerHeuristic(
-        pdf, lights_.pdfEmitter(point, surface.object, surface.material, travelled, cosine));
-    return bsdf.emission() * (weight * media_->transmittance(point, direction, travelled));
+    if (!layers_.pass(surface, bsdf, walk)) break;
   }
-  return vec3(0.0f);
+  return sum;
 }
 
-/// Share of light that passes from origin along direction up to distance, [0, 1].
-float Integrator::visibility(Path& path, const vec3& origin, const vec3& direction,
-                             float distance) const {
+/// How light that was sampled arrives at `origin`; `absorption`: of the volume there, 1/m.
+LightConnection Integrator::connect(Path& path, const vec3& origin, const vec3& direction,
+                                    float distance, const vec3& absorption) const {
   ++path.counts.shadowRays;
-  const float end = distance < kInfinity ? distance * 0.9999f : kInfinity;
-  const auto throughMedia = [&] {
-    return media_ != nullptr ? media_->transmittance(origin, direction, distance) : 1.0f;
-  };
-  if (!transparent_) {
-    return rays_.occluded(origin, direction, 0.0f, end) ? 0.0f : throughMedia();
+  LightConnection way = layers_.connect(origin, direction, distance, absorption);
+  if (media_ != nullptr && way.reaches()) {
+    way.passed *= media_->transmittance(origin, direction, distance);
   }
-  float passed = 1.0f, start = 0.0f;
-  vec3 from = origin;
-  for (int layer = 0; layer < kMostLayers && passed > 1e-4f; ++layer) {
-    RayHit hit;
-    if (!rays_.intersect(from, direction, 0.0f, end - start, hit)) return passed * throughMedia();
-    const Surface surface = rays_.surface(hit);
-    passed *= 1.0f - Bsdf(scene_, surface, -direction).coverage();
-    from = surface.leave(direction);
-    start += hit.t;
+  return way;
+}
+
+/// The shadow cone of a large light, which brings `radiance` if nothing is in its way.
+void Integrator::shadowCone(Path& path, const vec3& origin, const LightSample& light,
+                            const vec3& radiance) const {
+  const float near = nearField();
+  if (!connect(path, origin, light.direction, near, vec3(0.0f)).reaches()) return;
+  ConeRequest request;
+  request.origin = origin;
+  request.direction = light.direction;
+  request.tanHalf =
+      std::min(std::sqrt(light.solidAngle * kInvPi), guess_.footprint.diffuseSpread) * kShadowWidth;
+  request.tmin = near;
+  // The emitter's own voxels must not shadow it: those that the cone reads there are as wide as
+  // the cone.
+  request.tmax = light.distance -
+                 std::max(2.0f * guess_.cache->leafSize(), 2.0f * request.tanHalf * light.distance);
+  request.jitter = path.sampler.next1D();
+  request.background = radiance;
+  if (media_ != nullptr) {
+    request.background *= media_->transmittance(origin, light.direction, light.distance);
   }
-  return passed > 1e-4f ? passed * throughMedia() : 0.0f;
+  if (layers_.glass()) {  // voxels have none
+    const vec3 end = origin + light.direction * light.distance;
+    const bool endless = !(light.distance < kInfinity);
+    request.background *= layers_.walk(origin, light.direction, endless ? nullptr : &end).glass;
+  }
+  request.direct = path.scattered == 0;
+  request.pixel = path.pixelTag;
+  request.shadow = true;
+  path.cones.push_back(request);
+  ++path.counts.cones;
 }
 
 /// Next event estimation: one light. Shadow rays of small lights are C-rays; large ones are cones
@@ -330,57 +375,51 @@ void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsd
                              bool coneVertex) const {
   LightSample light;
   if (!lights_.sample(surface.position, path.sampler, light)) return;
-  const vec3 f = bsdf.evaluate(light.direction);
+  vec3 f = bsdf.evaluate(light.direction);
   if (maxComponent(f) <= 0.0f) return;
-  const vec3 unweighted = path.throughput * f * light.radiance / light.pdf;
-  const float weight = light.delta ? 1.0f : powerHeuristic(light.pdf, bsdf.pdf(light.direction));
   const vec3 origin = surface.leave(light.direction);
-  const bool direct = path.scattered == 0;
   // A cone vertex gathers its far field without emission, so a far emitter is light sampling's
   // alone.
   const float near = coneVertex ? nearField() : 0.0f;
   const bool farEmitter = coneVertex && light.distance < kInfinity && light.distance > near;
-  const float guessWeight = farEmitter ? 1.0f : weight;
   const bool coneShadow =
       coneVertex && light.solidAngle > guess_.shadowSolidAngle && light.distance > near;
-  if (coneShadow && visibility(path, origin, light.direction, near) > 0.0f) {
-    ConeRequest request;
-    request.origin = origin;
-    request.direction = light.direction;
-    request.tanHalf =
-        std::min(std::sqrt(light.solidAngle * kInvPi), guess_.footprint.diffuseSpread) *
-        kShadowWidth;
-    request.tmin = near;
-    // The emitter's own voxels must not shadow it: those that the cone reads there are as wide as
-    // the cone.
-    request.tmax = light.distance - std::max(2.0f * guess_.cache->leafSize(),
-                                             2.0f * request.tanHalf * light.distance);
-    request.jitter = path.sampler.next1D();
-    request.background = unweighted * guessWeight;
-    if (media_ != nullptr) {
-      request.background *= media_->transmittance(origin, light.direction, light.distance);
-    }
-    request.direct = direct;
-    request.pixel = path.pixelTag;
-    request.shadow = true;
-    path.cones.push_back(request);
-    ++path.counts.cones;
+  const auto weigh = [&](const vec3& direction, float pdf) {
+    return light.delta ? 1.0f : powerHeuristic(pdf, bsdf.pdf(direction));
+  };
+  if (coneShadow) {
+    const float weight = farEmitter ? 1.0f : weigh(light.direction, light.pdf);
+    shadowCone(path, origin, light, path.throughput * f * light.radiance / light.pdf * weight);
+    if (!path.paired) return;
   }
-  if (coneShadow && !path.paired) return;
-  const float visible = visibility(path, origin, light.direction, light.distance);
-  if (visible <= 0.0f) return;
-  const vec3 exact = unweighted * (weight * visible);
+  const vec3 absorption = bsdf.absorptionTowards(light.direction, path.absorption);
+  const LightConnection way = connect(path, origin, light.direction, light.distance, absorption);
+  if (!way.reaches()) return;
+  if (way.refracted) f = bsdf.evaluate(way.direction);
+  const float pdf = light.pdf / way.focus;
+  const vec3 unweighted = path.throughput * f * light.radiance * way.passed / pdf;
+  const float weight = weigh(way.direction, pdf), guessWeight = farEmitter ? 1.0f : weight;
+  const vec3 exact = unweighted * weight;
+  const bool direct = path.scattered == 0;
   if (!coneShadow && !(path.coupled && guessWeight != weight)) {
     path.add(exact, direct);
     return;
   }
-  const vec3 guess = coneShadow ? vec3(0.0f) : unweighted * (guessWeight * visible);
+  const vec3 guess = coneShadow ? vec3(0.0f) : unweighted * guessWeight;
   path.result.guess += guess;
   path.result.exact += exact;
   if (direct) {
     path.result.direct += guess;
     path.result.directExact += exact;
   }
+}
+
+/// Goes on behind clear glass: light that was sampled at the last vertex passes it too.
+void Integrator::passClear(Path& path, const Bsdf& bsdf, const vec3& direction) const {
+  path.pass();
+  if (!bsdf.refracts()) return;
+  if (!path.clear.begun()) path.clear.begin(path.direction, path.travelled);
+  path.clear.refract(bsdf.normal(), bsdf.eta(), direction);
 }
 
 /// Chooses the next direction. False where the path ends.
@@ -396,17 +435,21 @@ bool Integrator::scatter(Path& path, const Surface& surface, const Bsdf& bsdf,
     path.throughput /= survival;
   }
   if (!(maxComponent(path.throughput) > 0.0f)) return false;
-  path.vertex = surface.position;
+  if (next.delta && next.transmitted && ClearLayers::clear(bsdf)) {
+    passClear(path, bsdf, next.direction);
+  } else {
+    path.vertex = surface.position;
+    path.clear = ClearPath();
+    path.travelled = 0.0f;
+    path.scatterPdf = next.delta ? kInfinity : next.pdf;
+    if (!next.delta) ++path.scattered;
+    path.roughness = next.roughness;
+    path.coneRay = coneVertex && !next.delta;
+  }
   path.origin = surface.leave(next.direction);
   path.direction = next.direction;
-  path.tnear = path.travelled = 0.0f;
-  path.scatterPdf = next.delta ? kInfinity : next.pdf;
-  if (!next.delta) ++path.scattered;
-  path.roughness = next.roughness;
-  path.coneRay = coneVertex && !next.delta;
-  if (next.transmitted && next.etaSquared != 1.0f) {
-    path.absorption = bsdf.entersVolume() ? bsdf.absorption() : vec3(0.0f);
-  }
+  path.tnear = 0.0f;
+  if (next.transmitted) path.absorption = bsdf.absorptionTowards(next.direction, path.absorption);
   return true;
 }
 

@@ -12,6 +12,7 @@
 
 #include "src/core/sampler.h"
 #include "src/crays/bsdf.h"
+#include "src/crays/clear_path.h"
 #include "src/crays/light_cache.h"
 #include "src/crays/lights.h"
 #include "src/crays/ray_scene.h"
@@ -107,7 +108,13 @@ class Integrator {
   bool handToCone(Path& path) const;
   vec3 lightAlong(Path& path, const vec3& point, const vec3& direction, float pdf) const;
   float nearField() const;
-  float visibility(Path& path, const vec3& origin, const vec3& direction, float distance) const;
+  LightConnection connect(Path& path, const vec3& origin, const vec3& direction, float distance,
+                          const vec3& absorption) const;
+  void shadowCone(Path& path, const vec3& origin, const LightSample& light,
+                  const vec3& radiance) const;
+  float emitterWeight(float density, const vec3& vertex, const ClearPath& way, float travelled,
+                      const vec3& direction, const Surface& surface) const;
+  void passClear(Path& path, const Bsdf& bsdf, const vec3& direction) const;
 
   const Scene& scene_;
   const RayScene& rays_;
@@ -116,7 +123,7 @@ class Integrator {
   const Media* media_;  ///< null if there is none
   GuessOptions guess_;
   std::uint32_t seed_;
-  bool transparent_ = false;  ///< some material lets shadow rays pass in part
+  ClearLayers layers_;
 };
 
 }  // namespace trex

@@ -695,14 +695,14 @@ vec2 LightSet::mapPlace(const vec3& worldDirection) const {
               place(&map_->columns[row * (width + 1)], width, x));
 }
 
-void LightSet::hint(const ImportanceMap& importance, const RayScene& rays,
+void LightSet::hint(const ImportanceMap& importance, const ClearLayers& layers,
                     std::span<EmissionGuide> guides) const {
   std::size_t suns = 0;
   for (std::size_t i = 0; i < guides.size(); ++i) {
     const Entry& source = sources_[i];
     if (guides[i].dimensions() == 4) hintSky(source, importance, guides[i]);
     if (guides[i].dimensions() == 2 && suns++ < kMostHintedSuns) {
-      hintSun(punctual_[source.index].light.direction, importance, rays, guides[i]);
+      hintSun(punctual_[source.index].light.direction, importance, layers, guides[i]);
     }
     guides[i].update();
   }
@@ -722,15 +722,15 @@ void LightSet::hintSky(const Entry& source, const ImportanceMap& importance,
   }
 }
 
-void LightSet::hintSun(const vec3& towards, const ImportanceMap& importance, const RayScene& rays,
-                       EmissionGuide& guide) const {
+void LightSet::hintSun(const vec3& towards, const ImportanceMap& importance,
+                       const ClearLayers& layers, EmissionGuide& guide) const {
   const auto& readers = importance.readers();
   std::vector<std::uint8_t> lit(readers.size(), 0);
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, readers.size(), 256),
                     [&](const auto& range) {
                       for (std::size_t i = range.begin(); i < range.end(); ++i) {
                         lit[i] = glm::dot(readers[i].normal, towards) < 0.0f &&
-                                 !rays.occluded(readers[i].position, -towards, 0.0f, kInfinity);
+                                 layers.connect(readers[i].position, -towards).reaches();
                       }
                     });
   for (std::size_t i = 0; i < readers.size(); ++i) {

@@ -15,6 +15,7 @@
 
 #include "src/core/maths.h"
 #include "src/core/sampler.h"
+#include "src/crays/clear_path.h"
 #include "src/crays/media.h"
 #include "src/crays/photon_guide.h"
 #include "src/crays/visibility.h"
@@ -89,7 +90,7 @@ class LightSet {
   std::vector<EmissionGuide> guides() const;
   /// Hints for the guides from importons: their escapes for skies, and for suns what they see of
   /// them.
-  void hint(const ImportanceMap& importance, const RayScene& rays,
+  void hint(const ImportanceMap& importance, const ClearLayers& layers,
             std::span<EmissionGuide> guides) const;
   /// Total power of all lights, W, by luminance.
   double totalPower() const { return totalPower_; }
@@ -143,7 +144,7 @@ class LightSet {
   vec2 mapPlace(const vec3& direction) const;
   vec2 diskPlace(const vec3& towards, const vec3& point) const;
   void hintSky(const Entry& source, const ImportanceMap& importance, EmissionGuide& guide) const;
-  void hintSun(const vec3& towards, const ImportanceMap& importance, const RayScene& rays,
+  void hintSun(const vec3& towards, const ImportanceMap& importance, const ClearLayers& layers,
                EmissionGuide& guide) const;
   int outsideDimensions(const Entry& source) const;
   void emitOutside(const Entry& source, Sampler& sampler, std::span<const EmissionGuide> guides,

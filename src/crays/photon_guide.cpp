@@ -100,7 +100,7 @@ ImportanceMap::ImportanceMap(const Scene& scene, const RayScene& rays, const Cam
         if (!bsdf.sample(sampler, next)) return;
         if (!(sampler.next1D() < maxComponent(next.weight * next.etaSquared))) return;
         direction = next.direction;
-        scattered = !next.delta;
+        if (!next.delta || !next.transmitted) scattered = !next.delta;
       }
       origin = surface.leave(direction);
     }

@@ -48,7 +48,7 @@ void LightPass::aim(const CameraRays& camera, std::uint32_t width, std::uint32_t
   const auto start = std::chrono::steady_clock::now();
   importance_ = ImportanceMap(scene_, rays_, camera, width, height, seed_);
   if (importance_.empty()) guides_.clear();
-  lights_.hint(importance_, rays_, guides_);
+  lights_.hint(importance_, ClearLayers(scene_, rays_), guides_);
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
   seconds_ += taken.count();
 }

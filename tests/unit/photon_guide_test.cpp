@@ -86,7 +86,7 @@ Shot shoot(const Scene& scene, bool guided, std::uint32_t seed = 0) {
   const ImportanceMap importance(scene, rays, camera, kSide, kSide, seed);
   Shot shot;
   shot.guides = lights.guides();
-  lights.hint(importance, rays, shot.guides);
+  lights.hint(importance, ClearLayers(scene, rays), shot.guides);
   for (std::uint64_t i = 0; i < kBatches; ++i) {
     if (!guided) shot.guides = lights.guides();
     const auto batch =

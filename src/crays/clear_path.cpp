@@ -1,0 +1,143 @@
+#include "src/crays/clear_path.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "src/scene/look.h"
+
+namespace trex {
+namespace {
+
+constexpr float kBeforeTheEnd = 0.9999f;  // of a shadow ray: the light must not shadow itself
+constexpr float kLeastPassed = 1e-4f;     // less counts as nothing
+/// Of refraction: where the aim of a shadow ray is put right. The way through a pane moves a ray by
+/// less than the pane's thickness, and nearly as much for the next aim.
+constexpr int kMostAims = 5;
+constexpr float kMiss = 1e-4f;  // of the distance, at the light
+
+}  // namespace
+
+void ClearPath::begin(const vec3& direction, float length) {
+  *this = ClearPath();
+  begun_ = true;
+  direction_ = direction;
+  xx_ = yy_ = length;
+}
+
+void ClearPath::advance(float length) {
+  const float sagittal = length / index_, more = sagittal * (stretch_ - 1.0f);
+  xx_ += sagittal + more * axis_.x * axis_.x;
+  xy_ += more * axis_.x * axis_.y;
+  yy_ += sagittal + more * axis_.y * axis_.y;
+}
+
+void ClearPath::refract(const vec3& normal, float eta, const vec3& after) {
+  index_ *= eta;
+  const vec3 local = Basis(direction_).toLocal(normal);
+  const vec2 across(local.x, local.y);
+  const float length = glm::length(across);
+  axis_ = length > 0.0f ? across / length : vec2(1.0f, 0.0f);
+  const float inside = glm::dot(after, normal);
+  stretch_ = local.z * local.z / std::max(inside * inside, 1e-12f);
+}
+
+bool ClearPath::straight(const vec3& last) const {
+  if (!begun_) return true;
+  const vec3 difference = last - direction_;
+  return std::abs(index_ - 1.0f) < 1e-4f &&
+         glm::dot(difference, difference) < kStraight * kStraight;
+}
+
+ClearLayers::ClearLayers(const Scene& scene, const RayScene& rays) : scene_(scene), rays_(rays) {
+  for (const Material& m : scene.materials) {
+    const bool passes = isClearGlass(m) || m.alphaMode != AlphaMode::kOpaque;
+    const bool glass = isClearGlass(m) && passesLight(m);
+    passes_.push_back(passes ? 1 : 0);
+    glass_.push_back(glass ? 1 : 0);
+    any_ |= passes;
+    anyGlass_ |= glass;
+  }
+}
+
+bool ClearLayers::pass(const Surface& surface, const Bsdf& bsdf, ClearWalk& walk) const {
+  vec3 through = bsdf.clearTransmission();
+  if (!clear(bsdf)) through = vec3(0.0f);
+  const vec3 all = vec3(1.0f - bsdf.coverage()) + bsdf.coverage() * through;
+  if (!(maxComponent(walk.passed * all) > kLeastPassed)) return false;
+  if (bsdf.refracts() && clear(bsdf)) {
+    vec3 next;
+    if (!bsdf.clearRefraction(next)) return false;
+    if (!walk.path.begun()) walk.path.begin(walk.direction, walk.length);
+    walk.path.refract(bsdf.normal(), bsdf.eta(), next);
+    walk.absorption = bsdf.absorptionTowards(next, walk.absorption);
+    walk.direction = next;
+  }
+  walk.passed *= all;
+  if (isGlass(surface.material)) walk.glass *= all;
+  walk.origin = surface.leave(walk.direction);
+  return true;
+}
+
+ClearWalk ClearLayers::walk(const vec3& origin, const vec3& direction, const vec3* end,
+                            const vec3& absorption) const {
+  ClearWalk walk{.origin = origin, .direction = direction, .absorption = absorption};
+  for (int layer = 0; layer < kMost; ++layer) {
+    const float rest =
+        end ? std::max(glm::dot(*end - walk.origin, walk.direction), 0.0f) : kInfinity;
+    RayHit hit;
+    if (!rays_.intersect(walk.origin, walk.direction, 0.0f, rest * kBeforeTheEnd, hit)) {
+      if (end != nullptr) walk.advance(rest);
+      return walk;
+    }
+    walk.advance(hit.t);
+    const Surface surface = rays_.surface(hit);
+    if (passes_[surface.material] == 0) break;
+    if (!pass(surface, Bsdf(scene_, surface, -walk.direction), walk)) break;
+  }
+  walk.blocked = true;
+  return walk;
+}
+
+LightConnection ClearLayers::connect(const vec3& origin, const vec3& direction, float distance,
+                                     const vec3& absorption) const {
+  if (any_) return aim(origin, direction, distance, absorption);
+  LightConnection out;
+  out.direction = direction;
+  if (rays_.occluded(origin, direction, 0.0f, distance * kBeforeTheEnd)) return out;
+  out.passed = absorption == vec3(0.0f) ? vec3(1.0f) : glm::exp(-absorption * distance);
+  return out;
+}
+
+/// As connect(): turns the ray until it meets the light behind the panes.
+LightConnection ClearLayers::aim(const vec3& origin, const vec3& direction, float distance,
+                                 const vec3& absorption) const {
+  const bool infinite = !(distance < kInfinity);
+  const vec3 light = infinite ? vec3(0.0f) : origin + direction * distance;
+  LightConnection out;
+  out.direction = direction;
+  vec3 goal = light;
+  for (int turn = 0; turn < kMostAims; ++turn) {
+    const ClearWalk walk =
+        this->walk(origin, out.direction, infinite ? nullptr : &light, absorption);
+    const vec3 passed = walk.blocked ? vec3(0.0f) : walk.passed;
+    if (!walk.path.begun()) return {passed, out.direction};
+    out.refracted = true;
+    if (!walk.path.straight(walk.direction)) return out;
+    if (infinite) {
+      out.passed = passed;
+      return out;
+    }
+    const vec3 rest = light - walk.origin;
+    const vec3 miss = rest - walk.direction * glm::dot(rest, walk.direction);
+    if (glm::dot(miss, miss) <= kMiss * kMiss * distance * distance) {
+      out.passed = passed;
+      out.focus = distance * distance / walk.path.spread();
+      return out;
+    }
+    goal += miss;
+    out.direction = glm::normalize(goal - origin);
+  }
+  return out;
+}
+
+}  // namespace trex
