@@ -21,14 +21,22 @@
 // |grid| <= 2^23, so a grid coordinate is exact in a float. "Mesh space" is metres relative to
 // gridOrigin(): step * grid. t is in units of the ray's direction, which need not be unit length.
 //
-// WATERTIGHT. A vertex relative to the ray is float(grid) - origin/step, rounded once: it depends
-// on the vertex's global integers and the ray alone, so two clusters compute bit-equal coordinates
-// for a vertex they share, and the test of [Woop et al., JCGT 2013] (exact signs by a fallback to
-// double) lets nothing through their common edge, however far the origin is. (An origin beyond four
-// extents is first moved along the ray, in double, to two extents from the grid's origin: the same
-// for all clusters.) Boxes are widened by more than the rounding of both tests [Ize, JCGT 2013]. A
-// hierarchy above must allow for the same: clusters' bounds are already two cells wider than the
-// vertices; t may be off by 2^-21 of itself.
+// WATERTIGHT. A vertex relative to the ray is float(grid - cell) - rest, where cell + rest is the
+// ray's origin/step: it depends on the vertex's global integers and the ray alone, so two clusters
+// compute bit-equal coordinates for a vertex they share, and the test of [Woop et al., JCGT 2013]
+// (exact signs by a fallback to double) lets nothing through their common edge, however far the
+// origin is. (An origin beyond four extents is first moved along the ray, in double, to two extents
+// from the grid's origin: the same for all clusters.) Boxes are widened by more than the rounding
+// of both tests [Ize, JCGT 2013]. A hierarchy above must allow for the same: clusters' bounds are
+// already two cells wider than the vertices.
+//
+// ERRORS. The grid's integers are exact. Single precision, 8 triangles at a time, only decides
+// which triangles a ray goes through, and bounds how wrong its t can be; t, u and v of these are
+// then computed in double from the integers: a large triangle is met where it is, however far its
+// corners are. What is lost from there on is 2^-53 of the distance to the corners, over the cosine.
+// So no ray needs a start that is moved off its surface, or an end short of its target: the
+// triangle of origin is left out by its number, and what lies in one plane with the start or with
+// the target, within `slack`, is not met (Ray).
 //
 // TRUST. fromBytes() and fromView() take anything: they check every size, offset, index and box and
 // an XXH3 of the whole buffer, and throw FormatError. What they accept never makes another call
@@ -90,20 +98,31 @@ struct Sizes {
   Sizes& operator+=(const Sizes& other);
 };
 
+/// u, v: barycentric weights of the second and third vertex, never outside the triangle. Starts as
+/// "nothing".
+struct Hit {
+  static constexpr std::uint32_t kNothing = 0xffffffffu;
+  double u = 0.0, v = 0.0;
+  float t = 0.0f;
+  std::uint32_t cluster = kNothing, triangle = kNothing;
+};
+
 /// A ray in mesh space. The largest component of the direction must be at least 2^-60 and finite,
 /// else nothing is hit. tnear <= t <= tfar; tfar may be infinite.
 struct Ray {
-  glm::vec3 origin;
+  glm::dvec3 origin;
   float tnear;
   glm::vec3 direction;
   float tfar;
-};
-
-/// u, v: barycentric weights of the second and third vertex. Starts as "nothing".
-struct Hit {
-  static constexpr std::uint32_t kNothing = 0xffffffffu;
-  float t = 0.0f, u = 0.0f, v = 0.0f;
-  std::uint32_t cluster = kNothing, triangle = kNothing;
+  /// The triangle that the ray leaves, if it is one of this mesh; it is not met.
+  std::uint32_t fromCluster = Hit::kNothing, fromTriangle = Hit::kNothing;
+  /// Mesh units; how far the origin may be off a surface that it is meant to be on. A triangle
+  /// whose plane is that close to the origin is not met. Negative: the origin is on no surface.
+  double slack = -1.0;
+  /// Where the ray ends, if on a surface; within `targetSlack` triangles in one plane with it are
+  /// not met.
+  std::optional<glm::dvec3> target = std::nullopt;
+  double targetSlack = 0.0;
 };
 
 /// A decoded triangle in mesh space. Attributes that the mesh does not store are zero (colour one).
@@ -118,14 +137,20 @@ struct Triangle {
 
 /// What one ray needs in every cluster, computed once a ray and mesh. Lengths in grid cells.
 struct alignas(16) PreparedRay {
-  float origin[4];
+  std::int32_t cell[4];        ///< the origin, rounded
+  float origin[4];             ///< and what is left of it
   float inverse[4];            ///< 1/direction, never infinite
   float shear[3];              ///< [Woop et al. 2013]: d[kx]/d[kz], d[ky]/d[kz], 1/d[kz]
   float tnear, tfar;           ///< in cells a unit of direction; see Mesh::setFar
+  float sureFrom, sureTo;      ///< what lies between is met whatever its plane
   float step, cells;           ///< metres a cell, cells a metre
+  float depth;                 ///< the direction's largest component, without sign
   std::int32_t axis[3];        ///< kx, ky, kz
   std::uint32_t nearPlane[3];  ///< of lower x, upper x, lower y, ...: which the ray meets first
   double shift;                ///< t that origin was moved forward by, in those units
+  glm::dvec3 exactOrigin, direction, target;
+  double slack, targetSlack;  ///< negative: no surface there
+  std::uint32_t fromCluster, fromTriangle;
   /// By object number, not 0: its clusters are not there for this ray. Null: all are.
   const std::uint8_t* hidden = nullptr;
 };
@@ -196,14 +221,14 @@ class Mesh {
     return intersect_(blob(cluster), ray, cluster, hit);
   }
   bool occluded(std::uint32_t cluster, const PreparedRay& ray) const {
-    return occluded_(blob(cluster), ray);
+    return occluded_(blob(cluster), ray, cluster);
   }
   /// The instruction set that this mesh's tests run on, "AVX2" for one.
   const char* targetName() const { return targetName_; }
 
  private:
   using IntersectFunction = bool (*)(const std::byte*, PreparedRay&, std::uint32_t, Hit&);
-  using OccludedFunction = bool (*)(const std::byte*, const PreparedRay&);
+  using OccludedFunction = bool (*)(const std::byte*, const PreparedRay&, std::uint32_t);
   using IntersectMeshFunction = bool (*)(const MeshView&, PreparedRay&, Hit&);
   using OccludedMeshFunction = bool (*)(const MeshView&, const PreparedRay&);
   static constexpr unsigned kBlobShift = 4;  ///< layout::kTableShift

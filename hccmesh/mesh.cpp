@@ -204,16 +204,32 @@ constexpr float kFar = 0x1p26f, kNear = 0x1p25f;  // cells; the mesh ends at 2^2
 
 // Moves a far origin forward along the ray.
 void approach(const Ray& ray, PreparedRay& p) {
-  const glm::dvec3 d(ray.direction);
-  glm::dvec3 origin = glm::dvec3(ray.origin) * double(p.cells);
-  p.shift = -glm::dot(origin, d) / glm::dot(d, d) - double(kNear) / glm::length(d);
+  p.shift = -glm::dot(p.exactOrigin, p.direction) / glm::dot(p.direction, p.direction) -
+            double(kNear) / glm::length(p.direction);
   if (std::isfinite(p.shift))
-    origin += p.shift * d;
+    p.exactOrigin += p.shift * p.direction;
   else
     p.shift = 0.0;
-  for (int k = 0; k < 3; ++k) p.origin[k] = static_cast<float>(origin[k]);
   p.tnear = static_cast<float>(double(ray.tnear) * double(p.cells) - p.shift);
   Mesh::setFar(p, ray.tfar);
+}
+
+// What of a surface's distance may be rounding of corners as seen from the ray: cells.
+constexpr double kRounding = 0x1p-25, kLeastSlack = 0x1p-12;
+
+void setSurfaces(const Ray& ray, PreparedRay& p) {
+  p.fromCluster = ray.fromCluster;
+  p.fromTriangle = ray.fromTriangle;
+  p.slack = ray.slack >= 0.0 ? ray.slack * double(p.cells) + kRounding : -1.0;
+  // What has a plane within the slack of the start, but is met further away than single precision
+  // may be wrong, would have to be seen more edge-on than that slack allows.
+  p.sureFrom = p.slack > kLeastSlack ? std::numeric_limits<float>::infinity() : p.tnear;
+  p.sureTo = p.tfar;
+  p.targetSlack = -1.0;
+  if (!ray.target) return;
+  p.sureTo = std::min(0.9f * p.tfar, p.tfar - 64.0f * static_cast<float>(p.targetSlack));
+  p.target = *ray.target * double(p.cells);
+  p.targetSlack = ray.targetSlack * double(p.cells) + kRounding;
 }
 
 }  // namespace
@@ -224,7 +240,7 @@ PreparedRay Mesh::prepare(const Ray& ray) const {
   p.cells = 1.0f / p.step;
   const glm::vec3 size = glm::abs(ray.direction);
   int kz = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
-  const float largest = size[kz];
+  const float largest = p.depth = size[kz];
   int kx = kz == 2 ? 0 : kz + 1, ky = kx == 2 ? 0 : kx + 1;
   if (ray.direction[kz] < 0.0f) std::swap(kx, ky);  // keeps the winding
   p.axis[0] = kx, p.axis[1] = ky, p.axis[2] = kz;
@@ -239,15 +255,23 @@ PreparedRay Mesh::prepare(const Ray& ray) const {
     p.nearPlane[k] = 2u * static_cast<std::uint32_t>(k) + (p.inverse[k] < 0.0f ? 1u : 0u);
   }
   p.inverse[3] = p.origin[3] = 0.0f;
+  p.cell[3] = 0;
   p.shift = 0.0;
-  const glm::vec3 origin = ray.origin * p.cells;  // exact: a power of two
-  if (std::max({std::abs(origin.x), std::abs(origin.y), std::abs(origin.z)}) <= kFar) {
-    for (int k = 0; k < 3; ++k) p.origin[k] = origin[k];
+  p.direction = ray.direction;
+  p.exactOrigin = ray.origin * double(p.cells);  // exact: a power of two
+  const glm::dvec3 away = glm::abs(p.exactOrigin);
+  if (std::max({away.x, away.y, away.z}) <= double(kFar)) {
     p.tnear = ray.tnear * p.cells;
     p.tfar = ray.tfar * p.cells;
   } else {
     approach(ray, p);
   }
+  for (int k = 0; k < 3; ++k) {
+    const double whole = std::abs(p.exactOrigin[k]) < 0x1p30 ? std::rint(p.exactOrigin[k]) : 0.0;
+    p.cell[k] = static_cast<std::int32_t>(whole);
+    p.origin[k] = static_cast<float>(p.exactOrigin[k] - whole);
+  }
+  setSurfaces(ray, p);
   if (!(largest >= 0x1p-60f) || !std::isfinite(size.x + size.y + size.z)) {
     p.tnear = std::numeric_limits<float>::infinity();  // an empty interval
     p.tfar = -p.tnear;

@@ -23,8 +23,9 @@ bool meets(const Mesh& mesh, std::uint32_t cluster, const PreparedRay& ray, floa
   mesh.clusterBounds(cluster, lower, upper);
   float nearest = ray.tnear, farthest = ray.tfar;
   for (int k = 0; k < 3; ++k) {
-    const float a = (lower[k] * ray.cells - ray.origin[k]) * ray.inverse[k];
-    const float b = (upper[k] * ray.cells - ray.origin[k]) * ray.inverse[k];
+    const auto cell = static_cast<float>(ray.cell[k]);
+    const float a = (lower[k] * ray.cells - cell - ray.origin[k]) * ray.inverse[k];
+    const float b = (upper[k] * ray.cells - cell - ray.origin[k]) * ray.inverse[k];
     nearest = std::max(nearest, std::min(a, b));
     farthest = std::min(farthest, std::max(a, b));
   }
@@ -222,6 +223,7 @@ bool PagedMesh::intersect(std::uint32_t group, PreparedRay& ray, Hit& hit, Pin& 
     }
   }
   const Mesh& mesh = pin.mesh();
+  ray.fromCluster -= base;
   bool found = false;
   if (g.count == 1) {
     found = mesh.intersect(g.first, ray, local);
@@ -239,6 +241,7 @@ bool PagedMesh::intersect(std::uint32_t group, PreparedRay& ray, Hit& hit, Pin& 
       found |= mesh.intersect(g.first + static_cast<std::uint32_t>(next), ray, local);
     }
   }
+  ray.fromCluster += base;
   if (!found) return false;
   hit = local;
   hit.cluster += base;
@@ -249,11 +252,15 @@ bool PagedMesh::occluded(std::uint32_t group, PreparedRay& ray, Pin& pin) const 
   const PageGroup& g = table_.groups[group];
   reach(g.page, pin);
   const Mesh& mesh = pin.mesh();
-  for (std::uint32_t c = g.first; c < std::uint32_t{g.first} + g.count; ++c) {
+  const std::uint32_t base = g.page * kPageClusters;
+  ray.fromCluster -= base;
+  bool found = false;
+  for (std::uint32_t c = g.first; !found && c < std::uint32_t{g.first} + g.count; ++c) {
     float entry;
-    if ((g.count == 1 || meets(mesh, c, ray, entry)) && mesh.occluded(c, ray)) return true;
+    found = (g.count == 1 || meets(mesh, c, ray, entry)) && mesh.occluded(c, ray);
   }
-  return false;
+  ray.fromCluster += base;
+  return found;
 }
 
 Triangle PagedMesh::triangle(std::uint32_t cluster, std::uint32_t index) const {

@@ -3,7 +3,9 @@
 // exactly rounded operations decide a hit (no fused multiply-add, no approximate reciprocal).
 #include "hccmesh/trace.h"
 
+#include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <limits>
 
@@ -22,6 +24,54 @@
 #endif
 namespace hccm {
 inline constexpr float kTolerance = 0x1p-19f;  // of t; see the boxes below
+
+// A triangle that single precision says a ray goes through: where it does in double.
+struct Candidate {
+  double t, u, v;  // as single precision has them, then exactly; u, v of corners b and c
+  double blur;     // of t, as single precision has it
+  bool meets(const layout::ClusterHeader& h, const std::byte* vertices, const std::uint32_t* corner,
+             const PreparedRay& ray);
+};
+
+// False if it is in one plane with the ray's start or target, or not in the ray's interval. The
+// integers and their differences are exact in double, and so is the normal; the origin is off by
+// 2^-53 of itself. A triangle without area has no plane: its t stays as it is.
+inline bool Candidate::meets(const layout::ClusterHeader& h, const std::byte* vertices,
+                             const std::uint32_t* corner, const PreparedRay& ray) {
+  glm::dvec3 p[3];
+  for (int i = 0; i < 3; ++i) {
+    std::int32_t grid[3];
+    layout::readVertex(vertices, h, corner[i], grid);
+    p[i] = glm::dvec3(grid[0], grid[1], grid[2]);
+  }
+  const glm::dvec3 e1 = p[1] - p[0], e2 = p[2] - p[0], a = p[0] - ray.exactOrigin;
+  const glm::dvec3 normal = glm::cross(e1, e2);
+  const double size = std::abs(normal.x) + std::abs(normal.y) + std::abs(normal.z);
+  if (size == 0.0) {
+    return t - blur >= double(ray.tnear) && t + blur <= double(ray.tfar);
+  }
+  const double height = glm::dot(normal, a), determinant = glm::dot(normal, ray.direction);
+  if (std::abs(height) <= ray.slack * size) return false;
+  if (ray.targetSlack >= 0.0 &&
+      std::abs(glm::dot(normal, p[0] - ray.target)) <= ray.targetSlack * size) {
+    return false;
+  }
+  if (determinant == 0.0) return false;  // along its plane
+  // [Moeller and Trumbore 1997]
+  t = height / determinant;
+  u = glm::dot(a, glm::cross(ray.direction, e2)) / determinant;
+  v = glm::dot(ray.direction, glm::cross(a, e1)) / determinant;
+  // Single precision has let it through at an edge. A point on the edge itself would be as close to
+  // the plane of the neighbour as a point can be, so it moves inside by a millionth.
+  constexpr double kInside = 0x1p-20;
+  if (!(u >= 0.0 && v >= 0.0 && u + v <= 1.0)) {
+    u = std::clamp(u, kInside, 1.0), v = std::clamp(v, kInside, 1.0);
+    const double most = std::max(1.0, (u + v) * (1.0 + kInside));
+    u /= most, v /= most;
+    t = glm::dot(a + u * e1 + v * e2, ray.direction) / glm::dot(ray.direction, ray.direction);
+  }
+  return t >= double(ray.tnear);
+}
 }  // namespace hccm
 #endif
 
@@ -45,7 +95,7 @@ struct Cluster {
   const std::uint8_t* vertices;
   std::uint32_t vertexBits, widthXy;
   std::uint32_t shift[3], mask[3];
-  std::int32_t anchor[3];
+  std::int32_t anchor[3];  // as seen from the ray's cell
 };
 
 HWY_INLINE Cluster openCluster(const std::uint8_t* blob, const layout::ClusterHeader& h,
@@ -59,7 +109,7 @@ HWY_INLINE Cluster openCluster(const std::uint8_t* blob, const layout::ClusterHe
     const int k = ray.axis[i];
     c.shift[i] = shifts[k];
     c.mask[i] = (1u << h.width[k]) - 1u;
-    c.anchor[i] = h.lower[k];
+    c.anchor[i] = h.lower[k] - ray.cell[k];
   }
   return c;
 }
@@ -127,8 +177,8 @@ struct Vertex {
   VF x, y, z;  // sheared to the ray's frame; z along the ray in units of its direction, cells
 };
 
-// One rounding of exact integers and the ray's own origin, then operations on these alone: equal
-// vertices of two clusters give equal bits.
+// Exact integers and the ray's own origin, rounded to what single precision has of their distance,
+// then operations on these alone: equal vertices of two clusters give equal bits.
 HWY_INLINE Vertex decodeVertex(const Cluster& c, const PreparedRay& ray, VU index) {
   const DF df;
   const DI di;
@@ -301,32 +351,78 @@ HWY_NOINLINE void resolveZeros(const Vertex& a, const Vertex& b, const Vertex& c
   e = {hn::Load(df, u), hn::Load(df, v), hn::Load(df, w)};
 }
 
-// Takes the nearest of the accepted lanes into hit; on equal t the lower (cluster, triangle).
-HWY_INLINE bool takeNearest(std::uint32_t bits, VF t, VF u, VF v, std::uint32_t first,
-                            std::uint32_t cluster, PreparedRay& ray, Hit& hit) {
+// How wrong t of single precision can be. Vertices are off by 2^-24 of (2 of their own distance,
+// and 4 of their depth for the shears), so edge functions by 2^-24 (15 x^2 + 24 x z), for |x|, |y|
+// <= x and depths <= z; weights are off by that over the determinant, and t by that times the range
+// of depths, plus the rounding of depths and weighted sums, which is less than 2^-20 of the
+// largest.
+HWY_INLINE VF blurOf(const Vertex& a, const Vertex& b, const Vertex& d, VF determinant,
+                     const PreparedRay& ray) {
   const DF df;
-  alignas(32) float ts[kLanes], us[kLanes], vs[kLanes];
-  hn::Store(t, df, ts), hn::Store(u, df, us), hn::Store(v, df, vs);
+  const auto most = [](VF p, VF q, VF r) { return hn::Max(hn::Max(p, q), r); };
+  const VF x = hn::Max(most(hn::Abs(a.x), hn::Abs(b.x), hn::Abs(d.x)),
+                       most(hn::Abs(a.y), hn::Abs(b.y), hn::Abs(d.y)));
+  const VF z = most(hn::Abs(a.z), hn::Abs(b.z), hn::Abs(d.z));
+  const VF range = hn::Sub(most(a.z, b.z, d.z), hn::Min(hn::Min(a.z, b.z), d.z));
+  const VF edges =
+      hn::Mul(hn::Mul(x, hn::Set(df, 3.0f * 0x1p-24f)),
+              hn::Add(hn::Mul(x, hn::Set(df, 15.0f)), hn::Mul(z, hn::Set(df, 24.0f * ray.depth))));
+  const VF sure = hn::Max(hn::Sub(hn::Abs(determinant), edges), hn::Zero(df));
+  // Of a sliver in the ray's direction nothing is known but that t is in its range of depths.
+  const VF share = hn::Min(hn::Div(edges, hn::Add(sure, hn::Mul(edges, hn::Set(df, 0x1p-20f)))),
+                           hn::Set(df, 2.0f));
+  return hn::Add(hn::Mul(range, share), hn::Mul(z, hn::Set(df, 0x1p-20f)));
+}
+
+// The triangles of a leaf for the second look.
+struct Leaf {
+  const layout::ClusterHeader* header;
+  const std::byte* vertices;
+  const LeafCode* code;
+  std::uint32_t number, cluster;
+};
+
+// Takes the nearest of the accepted lanes into hit; on equal t the lower (cluster, triangle).
+// kAny: whether there is one.
+template <bool kAny>
+HWY_INLINE bool takeNearest(const Leaf& leaf, std::uint32_t bits, VF t, VF u, VF v, VF blur,
+                            std::uint32_t first, PreparedRay& ray, Hit& hit) {
+  const DF df;
+  alignas(32) float ts[kLanes], us[kLanes], vs[kLanes], blurs[kLanes];
+  hn::Store(t, df, ts), hn::Store(u, df, us), hn::Store(v, df, vs), hn::Store(blur, df, blurs);
+  const auto* vertexOf = reinterpret_cast<const std::uint8_t*>(leaf.code->vertex);
   bool found = false;
   for (; bits != 0; bits &= bits - 1) {
     const int lane = std::countr_zero(bits);
-    const std::uint32_t triangle = first + static_cast<std::uint32_t>(lane);
-    const bool lower = cluster < hit.cluster || (cluster == hit.cluster && triangle < hit.triangle);
-    if (!(ts[lane] < ray.tfar || (ts[lane] == ray.tfar && lower))) continue;
-    ray.tfar = ts[lane];
-    hit = {static_cast<float>((double(ts[lane]) + ray.shift) * double(ray.step)), us[lane],
-           vs[lane], cluster, triangle};
+    const std::uint32_t place = first + static_cast<std::uint32_t>(lane);
+    const std::uint32_t triangle = layout::kLeafSize * leaf.number + place;
+    if (triangle == ray.fromTriangle && leaf.cluster == ray.fromCluster) continue;
+    // Far from both ends by more than any doubt, nothing more needs to be known.
+    if (kAny && ts[lane] - blurs[lane] > ray.sureFrom && ts[lane] + blurs[lane] < ray.sureTo) {
+      return true;
+    }
+    std::uint32_t corner[3];
+    for (int k = 0; k < 3; ++k) corner[k] = vertexOf[leaf.code->corner[k] >> (4 * place) & 15u];
+    Candidate c{ts[lane], us[lane], vs[lane], blurs[lane]};
+    if (!c.meets(*leaf.header, leaf.vertices, corner, ray)) continue;
+    const auto at = static_cast<float>(c.t);
+    const bool lower =
+        leaf.cluster < hit.cluster || (leaf.cluster == hit.cluster && triangle < hit.triangle);
+    if (!(at < ray.tfar || (at == ray.tfar && lower))) continue;
+    if constexpr (kAny) return true;
+    ray.tfar = at;
+    hit = {c.u, c.v, static_cast<float>((c.t + ray.shift) * double(ray.step)), leaf.cluster,
+           triangle};
     found = true;
   }
   return found;
 }
 
-// Watertight test [Woop et al. 2013] of up to kLanes triangles; `firstNumber` is that of the first.
+// Watertight test [Woop et al. 2013] of up to kLanes triangles; `first` is the place of the first.
 // No multiply-add: an edge must give the exact negative when its ends are exchanged.
 template <bool kAny>
-HWY_INLINE bool testTriangles(const Vertex& a, const Vertex& b, const Vertex& d, std::size_t count,
-                              std::uint32_t firstNumber, std::uint32_t cluster, PreparedRay& ray,
-                              Hit& hit) {
+HWY_INLINE bool testTriangles(const Leaf& leaf, const Vertex& a, const Vertex& b, const Vertex& d,
+                              std::size_t count, std::uint32_t first, PreparedRay& ray, Hit& hit) {
   const DF df;
   Edges e = {hn::Sub(hn::Mul(d.x, b.y), hn::Mul(d.y, b.x)),
              hn::Sub(hn::Mul(a.x, d.y), hn::Mul(a.y, d.x)),
@@ -350,27 +446,29 @@ HWY_INLINE bool testTriangles(const Vertex& a, const Vertex& b, const Vertex& d,
   const VF reciprocal = hn::Div(hn::Set(df, 1.0f), determinant);
   const VF u = hn::Mul(e.u, reciprocal), v = hn::Mul(e.v, reciprocal), w = hn::Mul(e.w, reciprocal);
   const VF t = hn::Add(hn::Add(hn::Mul(u, a.z), hn::Mul(v, b.z)), hn::Mul(w, d.z));
+  const VF blur = blurOf(a, b, d, determinant, ray);
   const VF finite = hn::Set(df, std::numeric_limits<float>::max());
-  accept = hn::And(accept, hn::And(hn::Ge(t, hn::Set(df, ray.tnear)),
-                                   hn::Le(t, hn::Min(finite, hn::Set(df, ray.tfar)))));
+  accept =
+      hn::And(accept, hn::And(hn::Ge(hn::Add(t, blur), hn::Set(df, ray.tnear)),
+                              hn::Le(hn::Sub(t, blur), hn::Min(finite, hn::Set(df, ray.tfar)))));
   if (hn::AllFalse(df, accept)) return false;
-  if constexpr (kAny) return true;
   std::uint8_t lanes[8] = {};
   hn::StoreMaskBits(df, accept, lanes);
-  return takeNearest(lanes[0], t, v, w, firstNumber, cluster, ray, hit);
+  return takeNearest<kAny>(leaf, lanes[0], t, v, w, blur, first, ray, hit);
 }
 
 template <bool kAny>
-HWY_INLINE bool testLeaf(const Cluster& c, const std::uint8_t* record, std::uint32_t leaf,
-                         std::uint32_t cluster, PreparedRay& ray, Hit& hit) {
+HWY_INLINE bool testLeaf(const Cluster& c, const layout::ClusterHeader& h,
+                         const std::uint8_t* record, std::uint32_t number, std::uint32_t cluster,
+                         PreparedRay& ray, Hit& hit) {
   const LeafCode code = decodeLeaf(record);
   const LocalVertices vertices(c, code, ray);
+  const Leaf leaf{&h, reinterpret_cast<const std::byte*>(c.vertices), &code, number, cluster};
   bool found = false;
   for (std::uint32_t first = 0; first < code.triangles && !(kAny && found); first += kLanes)
-    found |= testTriangles<kAny>(vertices.corners(code.corner[0], first),
-                                 vertices.corners(code.corner[1], first),
-                                 vertices.corners(code.corner[2], first), code.triangles - first,
-                                 layout::kLeafSize * leaf + first, cluster, ray, hit);
+    found |= testTriangles<kAny>(
+        leaf, vertices.corners(code.corner[0], first), vertices.corners(code.corner[1], first),
+        vertices.corners(code.corner[2], first), code.triangles - first, first, ray, hit);
   return found;
 }
 
@@ -397,7 +495,8 @@ HWY_INLINE BoxFrame openBoxes(const std::uint8_t* planes, std::uint32_t stride,
   const auto exponent = hn::Add(hn::PromoteTo(di, hn::LoadU(db, shift)), hn::Set(di, 127));
   const auto cell = hn::BitCast(d, hn::ShiftLeft<23>(exponent));
   const auto inverse = hn::Load(d, ray.inverse);
-  const auto base = hn::Sub(hn::ConvertTo(d, hn::LoadU(di, lower)), hn::Load(d, ray.origin));
+  const auto cells = hn::Sub(hn::LoadU(di, lower), hn::Load(di, ray.cell));
+  const auto base = hn::Sub(hn::ConvertTo(d, cells), hn::Load(d, ray.origin));
   const auto middle = hn::Mul(base, inverse);
   const auto widen =
       hn::Mul(hn::Add(hn::Set(d, 1.0f), hn::Mul(cell, hn::Set(d, 0x1p-12f))), hn::Abs(inverse));
@@ -449,7 +548,7 @@ HWY_INLINE bool testCluster(const std::byte* bytes, PreparedRay& ray, std::uint3
   const std::uint8_t* groupStarts = blob + sizeof(layout::ClusterHeader);
   if (leaves == 1) {
     const Cluster c = openCluster(blob, h, ray);
-    return testLeaf<kAny>(c, blob + layout::recordOffset(bytes, h, 0), 0, cluster, ray, hit);
+    return testLeaf<kAny>(c, h, blob + layout::recordOffset(bytes, h, 0), 0, cluster, ray, hit);
   }
   const BoxFrame frame = openBoxes(groupStarts, leaves, h.lower, h.boxShift, ray);
   alignas(32) float entry[layout::kMaxLeaves + 8];
@@ -480,7 +579,7 @@ HWY_INLINE bool testCluster(const std::byte* bytes, PreparedRay& ray, std::uint3
     if (!kAny && entry[leaf] > ray.tfar) break;
     met &= ~(1ull << leaf);
     const std::uint8_t* record = blob + layout::recordOffset(bytes, h, leaf);
-    found |= testLeaf<kAny>(c, record, leaf, cluster, ray, hit);
+    found |= testLeaf<kAny>(c, h, record, leaf, cluster, ray, hit);
     if (kAny && found) return true;
   }
   return found;
@@ -533,9 +632,9 @@ HWY_INLINE bool testMesh(const MeshView& mesh, PreparedRay& ray, Hit& hit) {
 bool intersectCluster(const std::byte* blob, PreparedRay& ray, std::uint32_t cluster, Hit& hit) {
   return testCluster<false>(blob, ray, cluster, hit);
 }
-bool occludedCluster(const std::byte* blob, const PreparedRay& ray) {
+bool occludedCluster(const std::byte* blob, const PreparedRay& ray, std::uint32_t cluster) {
   Hit hit;
-  return testCluster<true>(blob, const_cast<PreparedRay&>(ray), 0, hit);  // kAny leaves it as it is
+  return testCluster<true>(blob, const_cast<PreparedRay&>(ray), cluster, hit);  // it stays as it is
 }
 bool intersectMesh(const MeshView& mesh, PreparedRay& ray, Hit& hit) {
   return testMesh<false>(mesh, ray, hit);

@@ -32,7 +32,7 @@ struct MeshView {
 
 struct Kernels {
   bool (*intersect)(const std::byte* blob, PreparedRay& ray, std::uint32_t cluster, Hit& hit);
-  bool (*occluded)(const std::byte* blob, const PreparedRay& ray);
+  bool (*occluded)(const std::byte* blob, const PreparedRay& ray, std::uint32_t cluster);
   bool (*intersectMesh)(const MeshView& mesh, PreparedRay& ray, Hit& hit);
   bool (*occludedMesh)(const MeshView& mesh, const PreparedRay& ray);
   const char* name;  ///< of the instruction set

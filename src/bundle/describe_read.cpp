@@ -179,8 +179,12 @@ void readMeshes(const JsonObject& root, Description& d) {
 void readPlacements(const JsonObject& root, Description& d) {
   forEach(root, "placements", [&](const JsonObject& o) {
     o.allow({"instance", "hccmesh"});
-    d.placed.push_back({static_cast<std::uint32_t>(o.index("instance", d.scene.instances.size())),
-                        static_cast<std::uint32_t>(o.index("hccmesh", d.sharedMeshes))});
+    RayScene::Parts::Placed placed{RayScene::Parts::kNoInstance,
+                                   static_cast<std::uint32_t>(o.index("hccmesh", d.sharedMeshes))};
+    if (o.has("instance")) {
+      placed.instance = static_cast<std::uint32_t>(o.index("instance", d.scene.instances.size()));
+    }
+    d.placed.push_back(placed);
   });
 }
 

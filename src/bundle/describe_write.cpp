@@ -138,7 +138,9 @@ std::string writeDescription(const Description& d) {
               {"objects", scene.objects},
               {"instances", each(scene.instances, plain)},
               {"placements", each(d.placed, [](const RayScene::Parts::Placed& p) {
-                 return Json{{"instance", p.instance}, {"hccmesh", p.mesh}};
+                 Json placement{{"hccmesh", p.mesh}};
+                 if (p.instance != RayScene::Parts::kNoInstance) placement["instance"] = p.instance;
+                 return placement;
                })}};
   if (!scene.media.empty()) out["media"] = each(scene.media, plain);
   return out.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";

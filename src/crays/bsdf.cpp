@@ -52,15 +52,20 @@ float fresnelDielectric(float cosine, float eta) {
 
 Bsdf::Bsdf(const Scene& scene, const Surface& surface, const vec3& outgoing) {
   const Material& material = scene.materials[surface.material];
-  const bool front = glm::dot(surface.geometricNormal, outgoing) >= 0.0f;
+  const bool front = front_ = glm::dot(surface.geometricNormal, outgoing) >= 0.0f;
   geometricNormal_ = front ? surface.geometricNormal : -surface.geometricNormal;
   vec3 normal = mappedNormal(scene, material, surface);
   if (!front) normal = -normal;
-  // A normal that the viewer can't see (a bent one at a grazing angle) is replaced by the face's
-  // own, so that no pixel turns black.
-  if (glm::dot(normal, outgoing) <= 1e-4f || glm::dot(normal, geometricNormal_) <= 0.0f) {
-    normal = geometricNormal_;
-  }
+  // A normal that the viewer can't see (a bent one at a grazing angle) is turned until he can, so
+  // that no pixel turns black.
+  constexpr float kLeastCosine = 1e-3f;
+  const float seen = glm::dot(normal, outgoing);
+  if (seen < kLeastCosine) normal = glm::normalize(normal + (kLeastCosine - seen) * outgoing);
+  if (glm::dot(normal, geometricNormal_) <= 0.0f) normal = geometricNormal_;
+  const bool lifts = surface.lift[front ? 0 : 1] != vec3(0.0f);
+  smoothNormal_ = !lifts  ? geometricNormal_
+                  : front ? surface.shadingNormal
+                          : -surface.shadingNormal;
   basis_ = Basis(normal);
   out_ = basis_.toLocal(outgoing);
   out_.z = std::max(out_.z, 1e-6f);
@@ -216,12 +221,17 @@ float Bsdf::pdfTransmission(const vec3& in) const {
          (denominator * denominator);
 }
 
+/// Whether light from there reaches the surface: of the triangle, or of the smooth one that it
+/// stands for (RayScene::leave).
+bool Bsdf::aboveHorizon(const vec3& direction) const {
+  return glm::dot(direction, geometricNormal_) > 0.0f || glm::dot(direction, smoothNormal_) > 0.0f;
+}
+
 vec3 Bsdf::evaluate(const vec3& incoming) const {
   if (unlit_) return vec3(0.0f);
   const vec3 in = basis_.toLocal(incoming);
-  const float geometric = glm::dot(incoming, geometricNormal_);
-  if (in.z > 0.0f && geometric > 0.0f) return evaluateReflection(in);
-  if (in.z < 0.0f && geometric < 0.0f) return evaluateTransmission(in);
+  if (in.z > 0.0f && aboveHorizon(incoming)) return evaluateReflection(in);
+  if (in.z < 0.0f && glm::dot(incoming, geometricNormal_) < 0.0f) return evaluateTransmission(in);
   return vec3(0.0f);
 }
 
@@ -304,8 +314,8 @@ bool Bsdf::sample(Sampler& sampler, BsdfSample& out) const {
   if (!found) return false;
   const vec3 local = out.direction;
   out.direction = basis_.toWorld(local);
-  const float geometric = glm::dot(out.direction, geometricNormal_);
-  if (out.transmitted ? geometric >= 0.0f : geometric <= 0.0f) return false;
+  const bool through = glm::dot(out.direction, geometricNormal_) < 0.0f;
+  if (out.transmitted ? !through : !aboveHorizon(out.direction)) return false;
   if (out.delta) return true;
   out.pdf = out.transmitted ? pdfTransmission(local) : pdfReflection(local);
   if (!(out.pdf > 0.0f)) return false;

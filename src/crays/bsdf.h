@@ -67,6 +67,10 @@ class Bsdf {
     if (!refracts_ || glm::dot(direction, geometricNormal_) >= 0.0f) return here;
     return entering_ ? absorption_ : vec3(0.0f);
   }
+  /// Whether a scattered ray leaves on the triangle's front.
+  bool leavesFront(const vec3& direction) const {
+    return front_ == (glm::dot(direction, basis_.normal) > 0.0f);
+  }
 
  private:
   struct Lobes {
@@ -83,15 +87,18 @@ class Bsdf {
   bool sampleSpecular(Sampler& sampler, BsdfSample& out) const;
   bool sampleTransmission(Sampler& sampler, BsdfSample& out) const;
   bool refract(const vec3& microNormal, vec3& in) const;
+  bool aboveHorizon(const vec3& direction) const;
 
   Basis basis_{vec3(0, 0, 1)};
   vec3 geometricNormal_, out_;  ///< out_: outgoing in the basis
+  vec3 smoothNormal_;           ///< whose horizon counts, besides the triangle's own
   vec3 emission_{0.0f}, diffuse_{0.0f}, f0_{0.0f}, transmissionTint_{0.0f}, cachedAlbedo_{0.0f};
   vec3 metalColor_{0.0f}, absorption_{0.0f};
   float f90_ = 1.0f, metallic_ = 0.0f, transmission_ = 0.0f, alpha_ = 1.0f, coverage_ = 1.0f;
   float eta_ = 1.0f;  ///< index on the far side over this side, if it refracts
   Lobes lobes_{};
-  bool unlit_ = false, onlyDelta_ = false, smooth_ = false, refracts_ = false, entering_ = true;
+  bool front_ = true, unlit_ = false, onlyDelta_ = false, smooth_ = false, refracts_ = false,
+       entering_ = true;
   bool cacheable_ = true;
 };
 

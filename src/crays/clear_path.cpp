@@ -8,7 +8,7 @@
 namespace trex {
 namespace {
 
-constexpr float kBeforeTheEnd = 0.9999f;  // of a shadow ray: the light must not shadow itself
+constexpr float kBeforeTheEnd = 0.9999f;  // of a ray that refraction lets miss its light a little
 constexpr float kLeastPassed = 1e-4f;     // less counts as nothing
 /// Of refraction: where the aim of a shadow ray is put right. The way through a pane moves a ray by
 /// less than the pane's thickness, and nearly as much for the next aim.
@@ -74,19 +74,23 @@ bool ClearLayers::pass(const Surface& surface, const Bsdf& bsdf, ClearWalk& walk
   }
   walk.passed *= all;
   if (isGlass(surface.material)) walk.glass *= all;
-  walk.origin = surface.leave(walk.direction);
+  walk.start = surface.leave();
   return true;
 }
 
-ClearWalk ClearLayers::walk(const vec3& origin, const vec3& direction, const vec3* end,
+ClearWalk ClearLayers::walk(const RayStart& start, const vec3& direction, const RayEnd& end,
                             const vec3& absorption) const {
-  ClearWalk walk{.origin = origin, .direction = direction, .absorption = absorption};
+  ClearWalk walk{.start = start, .direction = direction, .absorption = absorption};
+  RayEnd rest = end;
   for (int layer = 0; layer < kMost; ++layer) {
-    const float rest =
-        end ? std::max(glm::dot(*end - walk.origin, walk.direction), 0.0f) : kInfinity;
+    if (end.point) {
+      rest.distance =
+          std::max(glm::dot(vec3(*end.point - walk.start.position), walk.direction), 0.0f);
+      if (walk.path.begun()) rest.distance *= kBeforeTheEnd;
+    }
     RayHit hit;
-    if (!rays_.intersect(walk.origin, walk.direction, 0.0f, rest * kBeforeTheEnd, hit)) {
-      if (end != nullptr) walk.advance(rest);
+    if (!rays_.intersect(walk.start, walk.direction, 0.0f, rest, hit)) {
+      if (end.point) walk.advance(rest.distance);
       return walk;
     }
     walk.advance(hit.t);
@@ -98,44 +102,46 @@ ClearWalk ClearLayers::walk(const vec3& origin, const vec3& direction, const vec
   return walk;
 }
 
-LightConnection ClearLayers::connect(const vec3& origin, const vec3& direction, float distance,
-                                     const vec3& absorption) const {
-  if (any_) return aim(origin, direction, distance, absorption);
+LightConnection ClearLayers::connect(const RayStart& start, const vec3& direction,
+                                     const RayEnd& end, const vec3& absorption) const {
+  if (any_) return aim(start, direction, end, absorption);
   LightConnection out;
   out.direction = direction;
-  if (rays_.occluded(origin, direction, 0.0f, distance * kBeforeTheEnd)) return out;
-  out.passed = absorption == vec3(0.0f) ? vec3(1.0f) : glm::exp(-absorption * distance);
+  const vec3 towards = end.point ? vec3(glm::normalize(*end.point - start.position)) : direction;
+  if (rays_.occluded(start, towards, 0.0f, end)) return out;
+  out.passed = absorption == vec3(0.0f) ? vec3(1.0f) : glm::exp(-absorption * end.distance);
   return out;
 }
 
 /// As connect(): turns the ray until it meets the light behind the panes.
-LightConnection ClearLayers::aim(const vec3& origin, const vec3& direction, float distance,
+LightConnection ClearLayers::aim(const RayStart& start, const vec3& direction, const RayEnd& end,
                                  const vec3& absorption) const {
+  const float distance = end.distance;
   const bool infinite = !(distance < kInfinity);
-  const vec3 light = infinite ? vec3(0.0f) : origin + direction * distance;
+  RayEnd light = end;
+  if (!infinite && !end.point) light.point = start.position + dvec3(direction) * double(distance);
   LightConnection out;
-  out.direction = direction;
-  vec3 goal = light;
+  out.direction = end.point ? vec3(glm::normalize(*end.point - start.position)) : direction;
+  dvec3 goal = light.point.value_or(dvec3(0.0));
   for (int turn = 0; turn < kMostAims; ++turn) {
-    const ClearWalk walk =
-        this->walk(origin, out.direction, infinite ? nullptr : &light, absorption);
+    const ClearWalk walk = this->walk(start, out.direction, light, absorption);
     const vec3 passed = walk.blocked ? vec3(0.0f) : walk.passed;
-    if (!walk.path.begun()) return {passed, out.direction};
+    if (!walk.path.begun()) return {passed, direction};
     out.refracted = true;
     if (!walk.path.straight(walk.direction)) return out;
     if (infinite) {
       out.passed = passed;
       return out;
     }
-    const vec3 rest = light - walk.origin;
+    const vec3 rest(*light.point - walk.start.position);
     const vec3 miss = rest - walk.direction * glm::dot(rest, walk.direction);
     if (glm::dot(miss, miss) <= kMiss * kMiss * distance * distance) {
       out.passed = passed;
       out.focus = distance * distance / walk.path.spread();
       return out;
     }
-    goal += miss;
-    out.direction = glm::normalize(goal - origin);
+    goal += dvec3(miss);
+    out.direction = vec3(glm::normalize(goal - start.position));
   }
   return out;
 }

@@ -57,11 +57,12 @@ struct LightConnection {
 
 /// A ray that goes through clear layers.
 struct ClearWalk {
-  vec3 origin, direction;  ///< of its last piece
-  vec3 absorption{0.0f};   ///< there, 1/m
-  vec3 passed{1.0f};       ///< share of light, by colour
-  vec3 glass{1.0f};        ///< of it, what glass takes that voxels leave out
-  float length = 0.0f;     ///< metres, of all pieces but an endless last one
+  RayStart start;  ///< of its last piece
+  vec3 direction;
+  vec3 absorption{0.0f};  ///< there, 1/m
+  vec3 passed{1.0f};      ///< share of light, by colour
+  vec3 glass{1.0f};       ///< of it, what glass takes that voxels leave out
+  float length = 0.0f;    ///< metres, of all pieces but an endless last one
   ClearPath path{};
   bool blocked = false;
 
@@ -87,18 +88,19 @@ class ClearLayers {
   /// of the light would go another way.
   static bool clear(const Bsdf& bsdf) { return !bsdf.refracts() || bsdf.coverage() >= 1.0f; }
 
-  /// Light from origin + distance * direction (infinite: from that direction) that reaches the
-  /// origin. `absorption`, 1/m: of the volume the origin lies in.
-  LightConnection connect(const vec3& origin, const vec3& direction, float distance = kInfinity,
-                          const vec3& absorption = vec3(0.0f)) const;
-  /// A single ray, up to where it comes closest to `end`, or without end.
-  ClearWalk walk(const vec3& origin, const vec3& direction, const vec3* end,
+  /// Light from the end (infinite: from that direction) that reaches the start. Where the end has a
+  /// point the ray runs towards that; `direction` is about the same. `absorption`, 1/m: of the
+  /// volume the start lies in.
+  LightConnection connect(const RayStart& start, const vec3& direction,
+                          const RayEnd& end = kInfinity, const vec3& absorption = vec3(0.0f)) const;
+  /// A single ray, up to where it comes closest to the end's point, or without end.
+  ClearWalk walk(const RayStart& start, const vec3& direction, const RayEnd& end,
                  const vec3& absorption = vec3(0.0f)) const;
   /// Takes a ray through a surface it has met, as seen by it. False if nothing passes.
   bool pass(const Surface& surface, const Bsdf& bsdf, ClearWalk& walk) const;
 
  private:
-  LightConnection aim(const vec3& origin, const vec3& direction, float distance,
+  LightConnection aim(const RayStart& start, const vec3& direction, const RayEnd& end,
                       const vec3& absorption) const;
 
   const Scene& scene_;

@@ -35,10 +35,10 @@ CameraRays::CameraRays(const Camera& camera, const dvec3& renderOrigin, std::uin
   halfWidth_ = halfHeight_ * width_ / height_;
 }
 
-void CameraRays::ray(float x, float y, vec3& origin, vec3& direction) const {
+void CameraRays::ray(float x, float y, dvec3& origin, vec3& direction) const {
   const float px = (2.0f * x / width_ - 1.0f) * halfWidth_;
   const float py = (1.0f - 2.0f * y / height_) * halfHeight_;
-  origin = orthographic_ ? eye_ + right_ * px + up_ * py : eye_;
+  origin = orthographic_ ? eye_ + dvec3(right_ * px + up_ * py) : eye_;
   direction = orthographic_ ? forward_ : glm::normalize(forward_ + right_ * px + up_ * py);
 }
 
@@ -52,9 +52,10 @@ struct Integrator::Path {
   bool paired, coupled;
   vec3 vertex{0.0f};  // the last surface point that scattered, reflected or bent the path
   ClearPath clear{};  // since then
-  vec3 origin{0.0f}, direction{0.0f}, throughput{1.0f}, absorption{0.0f};
+  RayStart start{};
+  vec3 direction{0.0f}, throughput{1.0f}, absorption{0.0f};
   float tnear = 0.0f;
-  float travelled = 0.0f;  // from `vertex` to `origin`, through transparent layers and clear glass
+  float travelled = 0.0f;  // from `vertex` to `start`, through transparent layers and clear glass
   float roulette = 1.0f;   // undoes the radiance scaling of refraction
   float scatterPdf = kInfinity;  // density of the direction at `vertex`; infinite after a delta
   float roughness = 0.0f;        // of the last lobe
@@ -111,8 +112,8 @@ PathSample Integrator::sample(std::uint32_t x, std::uint32_t y, std::uint32_t wi
             .paired = paired,
             .coupled = true};
   const vec2 jitter = path.sampler.next2D();
-  camera_.ray(static_cast<float>(x) + jitter.x, static_cast<float>(y) + jitter.y, path.origin,
-              path.direction);
+  camera_.ray(static_cast<float>(x) + jitter.x, static_cast<float>(y) + jitter.y,
+              path.start.position, path.direction);
   while (advance(path) && meet(path)) {
   }
   if (paired) ++counts.exactPaths;
@@ -126,12 +127,12 @@ bool Integrator::advance(Path& path) const {
   const float near = nearField();
   // Voxels know nothing of media: a cone whose axis meets one is an exact ray into cached light.
   if (media_ != nullptr && cone) {
-    cone = !media_->meets(path.origin, path.direction, path.tnear, kInfinity);
+    cone = !media_->meets(path.start.position, path.direction, path.tnear, kInfinity);
   }
   // Nor of clear glass: so it is with a cone whose axis meets that first.
   const bool whole = !cone || layers_.glass();
   bool met =
-      rays_.intersect(path.origin, path.direction, path.tnear, whole ? kInfinity : near, path.hit);
+      rays_.intersect(path.start, path.direction, path.tnear, whole ? kInfinity : near, path.hit);
   if (met && cone && whole) {
     cone = path.hit.t > near && !layers_.isGlass(rays_.surface(path.hit).material);
     if (!cone) return true;
@@ -139,7 +140,7 @@ bool Integrator::advance(Path& path) const {
   if (cone && !(met && path.hit.t <= near)) {
     path.tnear = near;
     if (!handToCone(path)) return false;
-    if (!whole) met = rays_.intersect(path.origin, path.direction, near, kInfinity, path.hit);
+    if (!whole) met = rays_.intersect(path.start, path.direction, near, kInfinity, path.hit);
   }
   if (!met) miss(path);
   return met;
@@ -156,7 +157,7 @@ void Integrator::miss(Path& path) const {
 /// G0: the far field of a broad lobe is a cone's. False if only the guess was asked for.
 bool Integrator::handToCone(Path& path) const {
   ConeRequest request;
-  request.origin = path.origin;
+  request.origin = vec3(path.start.position);
   request.direction = path.direction;
   request.tanHalf = guess_.footprint.spread(path.roughness);
   request.tmin = path.tnear;
@@ -182,7 +183,7 @@ bool Integrator::meet(Path& path) const {
   if (media_ != nullptr) passMedia(path, path.hit.t);
 
   if (bsdf.coverage() < 1.0f && path.sampler.next1D() >= bsdf.coverage()) {
-    path.origin = surface.leave(path.direction);
+    path.start = surface.leave();
     path.tnear = 0.0f;
     path.pass();
     path.length += path.hit.t;
@@ -198,7 +199,7 @@ bool Integrator::meet(Path& path) const {
     path.seen = true;
     const bool plain = bsdf.cacheable() && maxComponent(bsdf.emission()) <= 0.0f;
     path.result.feature = {plain ? bsdf.cachedAlbedo() : vec3(1.0f), bsdf.normal(),
-                           surface.position, camera_.footprint(path.length)};
+                           vec3(surface.position), camera_.footprint(path.length)};
   }
   if (maxComponent(bsdf.emission()) > 0.0f) {
     ClearPath way = path.clear;
@@ -236,7 +237,7 @@ float Integrator::emitterWeight(float density, const vec3& vertex, const ClearPa
   };
   if (!way.begun()) return powerHeuristic(density, sampled(travelled));
   // Light sampling chooses along the straight line; what counts is its density on this way.
-  const float distance = glm::length(surface.position - vertex);
+  const float distance = glm::length(vec3(surface.position) - vertex);
   return powerHeuristic(density, sampled(distance) * way.spread() / (distance * distance));
 }
 
@@ -247,7 +248,7 @@ bool Integrator::endInCache(Path& path, const Surface& surface, const Bsdf& bsdf
   if (radius < guess_.footprint.cacheVoxels * guess_.cache->leafSize()) return false;
   const vec2 jitter = path.sampler.next2D();
   vec3 irradiance;
-  if (!guess_.cache->irradiance(surface.position, bsdf.geometricNormal(), radius, jitter,
+  if (!guess_.cache->irradiance(vec3(surface.position), bsdf.geometricNormal(), radius, jitter,
                                 irradiance)) {
     return false;
   }
@@ -266,10 +267,11 @@ float Integrator::nearField() const {
 /// What a path meets of media on its next `distance` metres: their emission and light that they
 /// scatter once are added, what comes after is dimmed.
 void Integrator::passMedia(Path& path, float distance) const {
-  const MediaStretch s = media_->stretch(path.origin, path.direction, distance, path.sampler);
+  const MediaStretch s =
+      media_->stretch(path.start.position, path.direction, distance, path.sampler);
   if (s.emission != vec3(0.0f)) path.add(path.throughput * s.emission, path.scattered <= 1);
   if (s.scatter != vec3(0.0f)) {
-    const vec3 point = path.origin + path.direction * s.distance;
+    const dvec3 point = path.start.position + dvec3(path.direction) * double(s.distance);
     const vec3 light = scatteredLight(path, point, s.anisotropy);
     if (light != vec3(0.0f)) path.add(path.throughput * s.scatter * light, path.scattered == 0);
   }
@@ -279,11 +281,11 @@ void Integrator::passMedia(Path& path, float distance) const {
 /// Light that arrives at a point of a medium, times the phase function towards the path: by light
 /// sampling and, for lights that rays can hit, by sampling the phase function, so that points close
 /// to a light of some size do not stand out.
-vec3 Integrator::scatteredLight(Path& path, const vec3& point, float anisotropy) const {
+vec3 Integrator::scatteredLight(Path& path, const dvec3& point, float anisotropy) const {
   vec3 sum(0.0f);
   LightSample light;
   if (!lights_.empty() && lights_.sample(point, path.sampler, light)) {
-    const LightConnection way = connect(path, point, light.direction, light.distance, vec3(0.0f));
+    const LightConnection way = connect(path, point, light.direction, light.end(), vec3(0.0f));
     const float phase = henyeyGreenstein(glm::dot(way.direction, path.direction), anisotropy);
     const float pdf = light.pdf / way.focus;
     const float weight = light.delta ? 1.0f : powerHeuristic(pdf, phase);
@@ -299,16 +301,17 @@ vec3 Integrator::scatteredLight(Path& path, const vec3& point, float anisotropy)
 
 /// Radiance of the light that a ray from a point of a medium meets, dimmed by media. `pdf`: density
 /// of the direction.
-vec3 Integrator::lightAlong(Path& path, const vec3& point, const vec3& direction, float pdf) const {
-  ClearWalk walk{.origin = point, .direction = direction};
+vec3 Integrator::lightAlong(Path& path, const dvec3& point, const vec3& direction,
+                            float pdf) const {
+  ClearWalk walk{.start = point, .direction = direction};
   vec3 sum(0.0f);
   ++path.counts.shadowRays;
   for (int layer = 0; layer < ClearLayers::kMost; ++layer) {
     RayHit hit;
-    if (!rays_.intersect(walk.origin, walk.direction, 0.0f, kInfinity, hit)) {
+    if (!rays_.intersect(walk.start, walk.direction, 0.0f, kInfinity, hit)) {
       if (!lights_.hasEnvironment()) return sum;
       const float density = walk.path.straight(walk.direction) ? pdf : kInfinity;
-      const float weight = powerHeuristic(density, lights_.pdfEnvironment(point, direction));
+      const float weight = powerHeuristic(density, lights_.pdfEnvironment(vec3(point), direction));
       return sum + walk.passed * lights_.environment(walk.direction) *
                        (weight * media_->transmittance(point, direction, kInfinity));
     }
@@ -316,8 +319,9 @@ vec3 Integrator::lightAlong(Path& path, const vec3& point, const vec3& direction
     const Surface surface = rays_.surface(hit);
     const Bsdf bsdf(scene_, surface, -walk.direction);
     if (!bsdf.unlit() && maxComponent(bsdf.emission()) > 0.0f) {
-      const float weight = emitterWeight(walk.path.straight(walk.direction) ? pdf : kInfinity,
-                                         point, walk.path, walk.length, walk.direction, surface);
+      const float weight =
+          emitterWeight(walk.path.straight(walk.direction) ? pdf : kInfinity, vec3(point),
+                        walk.path, walk.length, walk.direction, surface);
       sum += walk.passed * bsdf.emission() *
              (bsdf.coverage() * weight * media_->transmittance(point, direction, walk.length));
     }
@@ -326,24 +330,24 @@ vec3 Integrator::lightAlong(Path& path, const vec3& point, const vec3& direction
   return sum;
 }
 
-/// How light that was sampled arrives at `origin`; `absorption`: of the volume there, 1/m.
-LightConnection Integrator::connect(Path& path, const vec3& origin, const vec3& direction,
-                                    float distance, const vec3& absorption) const {
+/// How light that was sampled arrives at the start; `absorption`: of the volume there, 1/m.
+LightConnection Integrator::connect(Path& path, const RayStart& start, const vec3& direction,
+                                    const RayEnd& end, const vec3& absorption) const {
   ++path.counts.shadowRays;
-  LightConnection way = layers_.connect(origin, direction, distance, absorption);
+  LightConnection way = layers_.connect(start, direction, end, absorption);
   if (media_ != nullptr && way.reaches()) {
-    way.passed *= media_->transmittance(origin, direction, distance);
+    way.passed *= media_->transmittance(start.position, direction, end.distance);
   }
   return way;
 }
 
 /// The shadow cone of a large light, which brings `radiance` if nothing is in its way.
-void Integrator::shadowCone(Path& path, const vec3& origin, const LightSample& light,
+void Integrator::shadowCone(Path& path, const RayStart& start, const LightSample& light,
                             const vec3& radiance) const {
   const float near = nearField();
-  if (!connect(path, origin, light.direction, near, vec3(0.0f)).reaches()) return;
+  if (!connect(path, start, light.direction, near, vec3(0.0f)).reaches()) return;
   ConeRequest request;
-  request.origin = origin;
+  request.origin = vec3(start.position);
   request.direction = light.direction;
   request.tanHalf =
       std::min(std::sqrt(light.solidAngle * kInvPi), guess_.footprint.diffuseSpread) * kShadowWidth;
@@ -355,12 +359,10 @@ void Integrator::shadowCone(Path& path, const vec3& origin, const LightSample& l
   request.jitter = path.sampler.next1D();
   request.background = radiance;
   if (media_ != nullptr) {
-    request.background *= media_->transmittance(origin, light.direction, light.distance);
+    request.background *= media_->transmittance(start.position, light.direction, light.distance);
   }
   if (layers_.glass()) {  // voxels have none
-    const vec3 end = origin + light.direction * light.distance;
-    const bool endless = !(light.distance < kInfinity);
-    request.background *= layers_.walk(origin, light.direction, endless ? nullptr : &end).glass;
+    request.background *= layers_.walk(start, light.direction, light.end()).glass;
   }
   request.direct = path.scattered == 0;
   request.pixel = path.pixelTag;
@@ -377,7 +379,8 @@ void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsd
   if (!lights_.sample(surface.position, path.sampler, light)) return;
   vec3 f = bsdf.evaluate(light.direction);
   if (maxComponent(f) <= 0.0f) return;
-  const vec3 origin = surface.leave(light.direction);
+  RayStart start;
+  if (!rays_.leave(surface, light.direction, bsdf.leavesFront(light.direction), start)) return;
   // A cone vertex gathers its far field without emission, so a far emitter is light sampling's
   // alone.
   const float near = coneVertex ? nearField() : 0.0f;
@@ -389,11 +392,11 @@ void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsd
   };
   if (coneShadow) {
     const float weight = farEmitter ? 1.0f : weigh(light.direction, light.pdf);
-    shadowCone(path, origin, light, path.throughput * f * light.radiance / light.pdf * weight);
+    shadowCone(path, start, light, path.throughput * f * light.radiance / light.pdf * weight);
     if (!path.paired) return;
   }
   const vec3 absorption = bsdf.absorptionTowards(light.direction, path.absorption);
-  const LightConnection way = connect(path, origin, light.direction, light.distance, absorption);
+  const LightConnection way = connect(path, start, light.direction, light.end(), absorption);
   if (!way.reaches()) return;
   if (way.refracted) f = bsdf.evaluate(way.direction);
   const float pdf = light.pdf / way.focus;
@@ -435,10 +438,12 @@ bool Integrator::scatter(Path& path, const Surface& surface, const Bsdf& bsdf,
     path.throughput /= survival;
   }
   if (!(maxComponent(path.throughput) > 0.0f)) return false;
+  const bool front = bsdf.leavesFront(next.direction);
+  if (!rays_.leave(surface, next.direction, front, path.start)) return false;
   if (next.delta && next.transmitted && ClearLayers::clear(bsdf)) {
     passClear(path, bsdf, next.direction);
   } else {
-    path.vertex = surface.position;
+    path.vertex = vec3(surface.position);
     path.clear = ClearPath();
     path.travelled = 0.0f;
     path.scatterPdf = next.delta ? kInfinity : next.pdf;
@@ -446,7 +451,6 @@ bool Integrator::scatter(Path& path, const Surface& surface, const Bsdf& bsdf,
     path.roughness = next.roughness;
     path.coneRay = coneVertex && !next.delta;
   }
-  path.origin = surface.leave(next.direction);
   path.direction = next.direction;
   path.tnear = 0.0f;
   if (next.transmitted) path.absorption = bsdf.absorptionTowards(next.direction, path.absorption);

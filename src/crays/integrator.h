@@ -26,16 +26,17 @@ class CameraRays {
   CameraRays(const Camera& camera, const dvec3& renderOrigin, std::uint32_t width,
              std::uint32_t height);
   /// Ray through image position (x, y) in pixels from the upper left corner.
-  void ray(float x, float y, vec3& origin, vec3& direction) const;
+  void ray(float x, float y, dvec3& origin, vec3& direction) const;
   /// Distance of a point along the viewing direction, metres.
-  float depth(const vec3& point) const { return glm::dot(point - eye_, forward_); }
+  float depth(const dvec3& point) const { return glm::dot(vec3(point - eye_), forward_); }
   /// Width of a pixel after `distance` metres, metres.
   float footprint(float distance) const {
     return (orthographic_ ? 1.0f : distance) * 2.0f * halfHeight_ / height_;
   }
 
  private:
-  vec3 eye_, forward_, right_, up_;
+  dvec3 eye_;
+  vec3 forward_, right_, up_;
   float halfWidth_, halfHeight_, width_, height_;
   bool orthographic_;
 };
@@ -100,17 +101,17 @@ class Integrator {
   bool advance(Path& path) const;
   bool meet(Path& path) const;
   void passMedia(Path& path, float distance) const;
-  vec3 scatteredLight(Path& path, const vec3& point, float anisotropy) const;
+  vec3 scatteredLight(Path& path, const dvec3& point, float anisotropy) const;
   void miss(Path& path) const;
   bool endInCache(Path& path, const Surface& surface, const Bsdf& bsdf) const;
   void sampleLight(Path& path, const Surface& surface, const Bsdf& bsdf, bool coneVertex) const;
   bool scatter(Path& path, const Surface& surface, const Bsdf& bsdf, bool coneVertex) const;
   bool handToCone(Path& path) const;
-  vec3 lightAlong(Path& path, const vec3& point, const vec3& direction, float pdf) const;
+  vec3 lightAlong(Path& path, const dvec3& point, const vec3& direction, float pdf) const;
   float nearField() const;
-  LightConnection connect(Path& path, const vec3& origin, const vec3& direction, float distance,
-                          const vec3& absorption) const;
-  void shadowCone(Path& path, const vec3& origin, const LightSample& light,
+  LightConnection connect(Path& path, const RayStart& start, const vec3& direction,
+                          const RayEnd& end, const vec3& absorption) const;
+  void shadowCone(Path& path, const RayStart& start, const LightSample& light,
                   const vec3& radiance) const;
   float emitterWeight(float density, const vec3& vertex, const ClearPath& way, float travelled,
                       const vec3& direction, const Surface& surface) const;

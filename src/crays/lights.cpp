@@ -220,7 +220,7 @@ void LightSet::addLuminaire(const Mesh& mesh, const Instance& instance, const dv
   const float flip = glm::determinant(glm::dmat3(instance.transform)) < 0.0 ? -1.0f : 1.0f;
   const auto place = [&](std::uint32_t v) {
     const dvec3 local = mesh.origin + dvec3(mesh.positions[v]);
-    return vec3(dvec3(instance.transform * glm::dvec4(local, 1.0)) - renderOrigin);
+    return dvec3(instance.transform * glm::dvec4(local, 1.0)) - renderOrigin;
   };
   Luminaire luminaire{static_cast<std::uint32_t>(emitters_.size()),
                       0,
@@ -232,14 +232,15 @@ void LightSet::addLuminaire(const Mesh& mesh, const Instance& instance, const dv
                       0.0f};
   Box3f bounds;
   for (const glm::uvec3& t : mesh.triangles) {
-    const vec3 a = place(t.x), b = place(t.y) - a, c = place(t.z) - a;
+    const dvec3 a = place(t.x);
+    const vec3 b(place(t.y) - a), c(place(t.z) - a);
     const vec3 cross = glm::cross(b, c);
     const float twice = glm::length(cross);
     if (!(twice > 0.0f)) continue;
     emitters_.push_back({a, b, c, cross * (flip / twice), 0.5f * twice});
     luminaire.area += 0.5f * twice;
     luminaire.meanNormal += cross * (0.5f * flip);
-    for (const vec3& p : {a, a + b, a + c}) bounds.extend(p);
+    for (const vec3& p : {vec3(0.0f), b, c}) bounds.extend(vec3(a + dvec3(p)));
     ++luminaire.count;
   }
   if (luminaire.count == 0) return;
@@ -273,7 +274,7 @@ void LightSet::addPunctual(const Scene& scene, const dvec3& renderOrigin) {
       power = std::numbers::pi * radius_ * radius_ * intensity;
     }
     const Entry entry{Kind::kPunctual, static_cast<std::uint32_t>(punctual_.size()), power};
-    punctual_.push_back({light, vec3(light.position - renderOrigin)});
+    punctual_.push_back({light, light.position - renderOrigin});
     lights_.push_back(entry);
     sources_.push_back(entry);
   }
@@ -327,7 +328,7 @@ float LightSet::weigh(const Entry& entry, const vec3& point) const {
       const Punctual& p = punctual_[entry.index];
       const float intensity = luminance(p.light.intensity);
       if (p.light.type == Light::Type::kDirectional) return intensity;
-      const vec3 away = point - p.position;
+      const vec3 away(dvec3(point) - p.position);
       return intensity / std::max(glm::dot(away, away), 1e-8f * radius_ * radius_);
     }
     case Kind::kMap:
@@ -371,10 +372,10 @@ float LightSet::chanceOf(std::size_t light, const vec3& point) const {
   return weigh(lights_[light], point) / sum;
 }
 
-bool LightSet::sample(const vec3& point, Sampler& sampler, LightSample& out) const {
+bool LightSet::sample(const dvec3& point, Sampler& sampler, LightSample& out) const {
   float choice = sampler.next1D(), chance = 1.0f;
   const vec2 u = sampler.next2D();
-  const Entry& entry = lights_[choose(point, choice, chance)];
+  const Entry& entry = lights_[choose(vec3(point), choice, chance)];
   bool found = false;
   switch (entry.kind) {
     case Kind::kLuminaire:
@@ -404,13 +405,12 @@ const LightSet::Emitter& LightSet::pickEmitter(const Luminaire& luminaire, float
   return emitters_[static_cast<std::size_t>(at - emitterCumulative_.begin())];
 }
 
-bool LightSet::sampleLuminaire(const Luminaire& luminaire, const vec3& point, vec2 u,
+bool LightSet::sampleLuminaire(const Luminaire& luminaire, const dvec3& point, vec2 u,
                                LightSample& out) const {
   const Emitter& emitter = pickEmitter(luminaire, u.x);
   const float root = std::sqrt(u.x);
-  const vec3 on =
-      emitter.corner + emitter.edge1 * (root * (1.0f - u.y)) + emitter.edge2 * (root * u.y);
-  const vec3 towards = on - point;
+  out.target = emitter.at(root * (1.0f - u.y), root * u.y);
+  const vec3 towards(out.target - point);
   const float distance2 = glm::dot(towards, towards);
   if (!(distance2 > 0.0f)) return false;
   out.distance = std::sqrt(distance2);
@@ -422,10 +422,10 @@ bool LightSet::sampleLuminaire(const Luminaire& luminaire, const vec3& point, ve
   out.solidAngle = std::min(luminaire.area * cosine / distance2, 2.0f * kPi);
   out.radiance = materialRadiance_[luminaire.material];
   out.delta = false;
-  return visibility_.keeps(on);
+  return visibility_.keeps(out.target);
 }
 
-bool LightSet::samplePunctual(const Punctual& punctual, const vec3& point, vec2 u,
+bool LightSet::samplePunctual(const Punctual& punctual, const dvec3& point, vec2 u,
                               LightSample& out) const {
   const Light& light = punctual.light;
   out.delta = true;
@@ -437,8 +437,9 @@ bool LightSet::samplePunctual(const Punctual& punctual, const vec3& point, vec2 
     out.radiance = light.intensity;
     return true;
   }
-  vec3 towards = punctual.position - point;
-  if (light.radius > 0.0f) towards += light.radius * uniformSphere(u);
+  out.target = punctual.position;
+  if (light.radius > 0.0f) out.target += dvec3(light.radius * uniformSphere(u));
+  const vec3 towards(out.target - point);
   const float distance2 = glm::dot(towards, towards);
   if (!(distance2 > 0.0f)) return false;
   out.distance = std::sqrt(distance2);
@@ -586,13 +587,13 @@ bool LightSet::emit(Sampler& sampler, EmittedPhoton& out,
   } else if (entry.kind == Kind::kLuminaire) {
     emitLuminaire(luminaires_[entry.index], sampler, out);
   } else if (entry.kind == Kind::kMedia) {
-    media_->emit(sampler, out.origin, out.direction, out.power);
+    media_->emit(sampler, out.start.position, out.direction, out.power);
     out.scatters = false;
   } else {
     emitPunctual(punctual_[entry.index], sampler, out);
   }
   out.power *= static_cast<float>(totalPower_ / entry.power);
-  if (entry.kind == Kind::kLuminaire && !visibility_.keeps(out.origin)) return false;
+  if (entry.kind == Kind::kLuminaire && !visibility_.keeps(out.start.position)) return false;
   return isFinite(out.power) && maxComponent(out.power) > 0.0f;
 }
 
@@ -602,8 +603,7 @@ void LightSet::emitLuminaire(const Luminaire& luminaire, Sampler& sampler,
   const Emitter& emitter = pickEmitter(luminaire, u.x);
   vec2 d = sampler.next2D();
   const float root = std::sqrt(u.x);
-  out.origin =
-      emitter.corner + emitter.edge1 * (root * (1.0f - u.y)) + emitter.edge2 * (root * u.y);
+  out.start = RayStart(emitter.at(root * (1.0f - u.y), root * u.y), RayStart::On::kSource);
   vec3 normal = emitter.normal;
   float sides = 1.0f;
   if (materialTwoSided_[luminaire.material]) {
@@ -615,17 +615,16 @@ void LightSet::emitLuminaire(const Luminaire& luminaire, Sampler& sampler,
     }
   }
   out.direction = Basis(normal).toWorld(cosineSample(d));
-  // Off the emitter by a hair: relative to its place and size.
-  const float scale = maxComponent(glm::abs(out.origin)) + std::sqrt(emitter.area);
-  out.origin += normal * (scale * 1e-6f);
   out.power = materialRadiance_[luminaire.material] * (kPi * luminaire.area * sides);
 }
 
 void LightSet::emitPunctual(const Punctual& punctual, Sampler& sampler, EmittedPhoton& out) const {
   const Light& light = punctual.light;
-  out.origin = punctual.position;
+  out.start = punctual.position;
   const vec2 u = sampler.next2D();
-  if (light.radius > 0.0f) out.origin += light.radius * uniformSphere(sampler.next2D());
+  if (light.radius > 0.0f) {
+    out.start.position += dvec3(light.radius * uniformSphere(sampler.next2D()));
+  }
   if (light.type == Light::Type::kSpot) {
     const float cosine = 1.0f - u.x * (1.0f - std::cos(light.outerConeAngle));
     const float sine = std::sqrt(std::max(0.0f, 1.0f - cosine * cosine)), phi = 2.0f * kPi * u.y;
@@ -730,13 +729,13 @@ void LightSet::hintSun(const vec3& towards, const ImportanceMap& importance,
                     [&](const auto& range) {
                       for (std::size_t i = range.begin(); i < range.end(); ++i) {
                         lit[i] = glm::dot(readers[i].normal, towards) < 0.0f &&
-                                 layers.connect(readers[i].position, -towards).reaches();
+                                 layers.connect(readers[i].start, -towards).reaches();
                       }
                     });
   for (std::size_t i = 0; i < readers.size(); ++i) {
     if (!lit[i]) continue;
     const float cosine = -glm::dot(readers[i].normal, towards);
-    guide.hint(vec4(diskPlace(towards, readers[i].position), 0.0f, 0.0f),
+    guide.hint(vec4(diskPlace(towards, vec3(readers[i].start.position)), 0.0f, 0.0f),
                readers[i].visits * cosine);
   }
 }
@@ -746,7 +745,7 @@ void LightSet::emitFromSphere(const vec3& towards, vec2 u, EmittedPhoton& out) c
   const vec2 d = radius_ * concentricDisk(u);
   const Basis basis(towards);
   out.direction = towards;
-  out.origin = centre_ + basis.tangent * d.x + basis.bitangent * d.y - towards * (radius_ * 1.001f);
+  out.start = centre_ + basis.tangent * d.x + basis.bitangent * d.y - towards * (radius_ * 1.001f);
 }
 
 }  // namespace trex

@@ -18,6 +18,7 @@
 #include "src/crays/clear_path.h"
 #include "src/crays/media.h"
 #include "src/crays/photon_guide.h"
+#include "src/crays/ray_scene.h"
 #include "src/crays/visibility.h"
 #include "src/scene/scene.h"
 
@@ -33,13 +34,18 @@ struct LightSample {
   float pdf = 0.0f;  ///< per solid angle
   bool delta = false;
   float solidAngle =
-      0.0f;  ///< of the light as seen from the point, steradian, about; 0 if point-like
+      0.0f;           ///< of the light as seen from the point, steradian, about; 0 if point-like
+  dvec3 target{0.0};  ///< the point on the light, in render space, if `distance` is finite
+
+  /// Where a shadow ray ends.
+  RayEnd end() const { return distance < kInfinity ? RayEnd(distance, target) : RayEnd(distance); }
 };
 
 /// A photon leaving a light: power is that of all light divided by the density of the choice, so
 /// the mean of many photons carries the scene's power.
 struct EmittedPhoton {
-  vec3 origin{0.0f}, direction{0.0f};
+  RayStart start;
+  vec3 direction{0.0f};
   vec3 power{0.0f};  ///< W
   /// How it was chosen, for EmissionGuide::learn: the source, the place in its primary sample space
   /// (direction, disk) and the density there over the uniform one. Set for outside sources.
@@ -67,7 +73,7 @@ class LightSet {
   /// True if any light exists, the constant sky included.
   bool anyPower() const { return totalPower_ > 0.0; }
   /// Samples a light as seen from `point`; false if the sample carries nothing.
-  bool sample(const vec3& point, Sampler& sampler, LightSample& out) const;
+  bool sample(const dvec3& point, Sampler& sampler, LightSample& out) const;
 
   /// Density per solid angle with which sample(point) would have found the emitter of this object
   /// and material that a ray hit after `distance`; cosine at the emitter. 0 for surfaces not in the
@@ -103,8 +109,11 @@ class LightSet {
       48;  ///< lights up to which each is weighed at a point
 
   struct Emitter {
-    vec3 corner, edge1, edge2, normal;  ///< triangle, normal of the front
+    dvec3 corner;
+    vec3 edge1, edge2, normal;  ///< triangle, normal of the front
     float area;
+
+    dvec3 at(float u, float v) const { return corner + dvec3(edge1 * u + edge2 * v); }
   };
   /// Emitters first .. first + count - 1: one object, one material, so one radiance.
   struct Luminaire {
@@ -119,7 +128,7 @@ class LightSet {
   };
   struct Punctual {
     Light light;
-    vec3 position;
+    dvec3 position;
   };
 
   void addLuminaires(const Scene& scene, const dvec3& renderOrigin);
@@ -134,9 +143,9 @@ class LightSet {
   const Emitter& pickEmitter(const Luminaire& luminaire, float& u) const;
   float mapDensity(const vec3& direction) const;
   static std::size_t pick(const std::vector<double>& cumulative, float u, float& remapped);
-  bool sampleLuminaire(const Luminaire& luminaire, const vec3& point, vec2 u,
+  bool sampleLuminaire(const Luminaire& luminaire, const dvec3& point, vec2 u,
                        LightSample& out) const;
-  bool samplePunctual(const Punctual& punctual, const vec3& point, vec2 u, LightSample& out) const;
+  bool samplePunctual(const Punctual& punctual, const dvec3& point, vec2 u, LightSample& out) const;
   bool sampleMap(vec2 u, LightSample& out) const;
   vec3 mapDirection(vec2 u, float& pdf) const;
   void emitLuminaire(const Luminaire& luminaire, Sampler& sampler, EmittedPhoton& out) const;

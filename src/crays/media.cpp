@@ -88,9 +88,9 @@ std::unique_ptr<const Media> Media::make(const Scene& scene, const dvec3& render
 }
 
 /// Clips a ray to the grid, in double: the origin may be a million grids away.
-bool Media::enter(const One& one, const vec3& origin, const vec3& direction, float distance,
+bool Media::enter(const One& one, const dvec3& origin, const vec3& direction, float distance,
                   Met& met) const {
-  const dvec3 o(one.toCells * glm::dvec4(dvec3(origin), 1.0));
+  const dvec3 o(one.toCells * glm::dvec4(origin, 1.0));
   const dvec3 d(one.toCells * glm::dvec4(dvec3(direction), 0.0));
   double from = 0.0, to = static_cast<double>(distance);
   for (int axis = 0; axis < 3; ++axis) {
@@ -110,7 +110,7 @@ bool Media::enter(const One& one, const vec3& origin, const vec3& direction, flo
   return met.length > 0.0f;
 }
 
-float Media::passed(const One& one, const vec3& origin, const vec3& direction,
+float Media::passed(const One& one, const dvec3& origin, const vec3& direction,
                     float distance) const {
   Met met;
   if (!(one.density > 0.0f) || !enter(one, origin, direction, distance, met)) return 1.0f;
@@ -123,7 +123,7 @@ float Media::passed(const One& one, const vec3& origin, const vec3& direction,
   return depth < MediumTracer::kOpaque ? std::exp(-depth) : 0.0f;
 }
 
-float Media::transmittance(const vec3& origin, const vec3& direction, float distance) const {
+float Media::transmittance(const dvec3& origin, const vec3& direction, float distance) const {
   float all = 1.0f;
   for (const One& one : media_) {
     all *= passed(one, origin, direction, distance);
@@ -132,8 +132,8 @@ float Media::transmittance(const vec3& origin, const vec3& direction, float dist
   return all;
 }
 
-bool Media::meets(const vec3& origin, const vec3& direction, float from, float to) const {
-  const vec3 start = origin + direction * from;
+bool Media::meets(const dvec3& origin, const vec3& direction, float from, float to) const {
+  const dvec3 start = origin + dvec3(direction) * double(from);
   for (const One& one : media_) {
     Met met;
     if (enter(one, start, direction, to - from, met) &&
@@ -144,7 +144,7 @@ bool Media::meets(const vec3& origin, const vec3& direction, float from, float t
   return false;
 }
 
-MediaStretch Media::stretch(const vec3& origin, const vec3& direction, float distance,
+MediaStretch Media::stretch(const dvec3& origin, const vec3& direction, float distance,
                             Sampler& sampler) const {
   MediaStretch out;
   thread_local std::vector<Met> met;
@@ -243,7 +243,7 @@ MediaStretch Media::stretch(const vec3& origin, const vec3& direction, float dis
   return out;
 }
 
-bool Media::collide(const vec3& origin, const vec3& direction, float distance, Sampler& sampler,
+bool Media::collide(const dvec3& origin, const vec3& direction, float distance, Sampler& sampler,
                     MediaCollision& out) const {
   bool hit = false;
   for (const One& one : media_) {
@@ -288,7 +288,7 @@ void Media::addSources() {
   largestChannel_ = most * static_cast<float>(sum);
 }
 
-void Media::emit(Sampler& sampler, vec3& origin, vec3& direction, vec3& power) const {
+void Media::emit(Sampler& sampler, dvec3& origin, vec3& direction, vec3& power) const {
   const vec2 choice = sampler.next2D(), inside = sampler.next2D(), way = sampler.next2D();
   const double target = static_cast<double>(choice.x) * powers_.back();
   const auto at = std::upper_bound(powers_.begin() + 1, powers_.end() - 1, target);
@@ -317,7 +317,7 @@ void Media::emit(Sampler& sampler, vec3& origin, vec3& direction, vec3& power) c
                          source.place / width / height);
   const vec3 cell = vec3(place * 8 + glm::ivec3(chosen >> 6, chosen >> 3 & 7, chosen & 7)) +
                     vec3(inside, sampler.next1D());
-  origin = vec3(dvec3(one.toRender * glm::dvec4(dvec3(cell), 1.0)));
+  origin = dvec3(one.toRender * glm::dvec4(dvec3(cell), 1.0));
   const float z = 1.0f - 2.0f * way.x, r = std::sqrt(std::max(0.0f, 1.0f - z * z));
   direction = vec3(r * std::cos(2.0f * kPi * way.y), r * std::sin(2.0f * kPi * way.y), z);
   power = color / std::max(luminance(color), 1e-30f) * static_cast<float>(powers_.back());

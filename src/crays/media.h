@@ -46,15 +46,15 @@ class Media {
 
   Box3f bounds() const { return bounds_; }  ///< render space
   /// Share of light that passes, [0, 1]; less than 1e-26 is 0.
-  float transmittance(const vec3& origin, const vec3& direction, float distance) const;
+  float transmittance(const dvec3& origin, const vec3& direction, float distance) const;
   /// Whether anything of a medium lies between the two distances.
-  bool meets(const vec3& origin, const vec3& direction, float from, float to) const;
+  bool meets(const dvec3& origin, const vec3& direction, float from, float to) const;
   /// All of a stretch, with one place where light is scattered. Takes random numbers only if a
   /// medium is met.
-  MediaStretch stretch(const vec3& origin, const vec3& direction, float distance,
+  MediaStretch stretch(const dvec3& origin, const vec3& direction, float distance,
                        Sampler& sampler) const;
   /// Whether a photon is scattered or absorbed before `distance`, by chance.
-  bool collide(const vec3& origin, const vec3& direction, float distance, Sampler& sampler,
+  bool collide(const dvec3& origin, const vec3& direction, float distance, Sampler& sampler,
                MediaCollision& out) const;
 
   // Media as a source of photons, which makes their light reach surfaces.
@@ -64,7 +64,7 @@ class Media {
   /// Largest power of a photon by channel, if power() is its luminance.
   float largestChannel() const { return largestChannel_; }
   /// A photon in proportion to the emission. `power` has the luminance power() in the mean.
-  void emit(Sampler& sampler, vec3& origin, vec3& direction, vec3& power) const;
+  void emit(Sampler& sampler, dvec3& origin, vec3& direction, vec3& power) const;
 
  private:
   struct One {
@@ -77,9 +77,9 @@ class Media {
     float anisotropy;
   };
   struct Met;
-  bool enter(const One& one, const vec3& origin, const vec3& direction, float distance,
+  bool enter(const One& one, const dvec3& origin, const vec3& direction, float distance,
              Met& met) const;
-  float passed(const One& one, const vec3& origin, const vec3& direction, float distance) const;
+  float passed(const One& one, const dvec3& origin, const vec3& direction, float distance) const;
   void addSources();
 
   std::vector<One> media_;

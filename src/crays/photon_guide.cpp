@@ -30,7 +30,8 @@ constexpr int kMostCuts = 8;  // of one dimension
 /// What one importon found.
 struct ImportanceMap::Trace {
   struct Mark {
-    vec3 position, normal;
+    RayStart start;
+    vec3 normal;
     std::array<vec3, kLooks> origin, direction;
     std::uint32_t escapes = 0;
   };
@@ -42,11 +43,11 @@ namespace {
 
 /// Whether a ray reaches the outside through nothing but clear layers; origin and direction become
 /// those of its last piece.
-bool escape(const Scene& scene, const RayScene& rays, Sampler& sampler, vec3& origin,
+bool escape(const Scene& scene, const RayScene& rays, Sampler& sampler, RayStart& start,
             vec3& direction) {
   for (int layer = 0; layer < kLookLayers; ++layer) {
     RayHit hit;
-    if (!rays.intersect(origin, direction, 0.0f, kInfinity, hit)) return true;
+    if (!rays.intersect(start, direction, 0.0f, kInfinity, hit)) return true;
     const Surface surface = rays.surface(hit);
     const Bsdf bsdf(scene, surface, -direction);
     if (bsdf.unlit()) return false;
@@ -54,8 +55,10 @@ bool escape(const Scene& scene, const RayScene& rays, Sampler& sampler, vec3& or
       BsdfSample next;
       if (!bsdf.onlyDelta() || !bsdf.sample(sampler, next)) return false;
       direction = next.direction;
+      if (!rays.leave(surface, direction, bsdf.leavesFront(direction), start)) return false;
+    } else {
+      start = surface.leave();
     }
-    origin = surface.leave(direction);
   }
   return false;
 }
@@ -73,13 +76,14 @@ ImportanceMap::ImportanceMap(const Scene& scene, const RayScene& rays, const Cam
   const auto trace = [&](std::uint32_t number, Trace& out) {
     Sampler sampler(0x696d706fu, number, seed);
     const vec2 place = sampler.next2D();
-    vec3 origin, direction;
-    camera.ray(place.x * static_cast<float>(width), place.y * static_cast<float>(height), origin,
-               direction);
+    RayStart start;
+    vec3 direction;
+    camera.ray(place.x * static_cast<float>(width), place.y * static_cast<float>(height),
+               start.position, direction);
     bool scattered = false;  // light cached at the next surface would be read
     for (int bounce = 0; bounce < kImportonBounces && out.count < kMarks; ++bounce) {
       RayHit hit;
-      if (!rays.intersect(origin, direction, 0.0f, kInfinity, hit)) return;
+      if (!rays.intersect(start, direction, 0.0f, kInfinity, hit)) return;
       const Surface surface = rays.surface(hit);
       const Bsdf bsdf(scene, surface, -direction);
       if (bsdf.unlit()) return;
@@ -87,12 +91,12 @@ ImportanceMap::ImportanceMap(const Scene& scene, const RayScene& rays, const Cam
         if (scattered && bsdf.cacheable()) {
           Trace::Mark& mark = out.marks[out.count++];
           mark.normal = bsdf.geometricNormal();
-          mark.position = surface.leave(mark.normal);
+          mark.start = surface.leave();
           for (std::uint32_t look = 0; look < kLooks; ++look) {
-            vec3 from = mark.position,
-                 to = Basis(mark.normal).toWorld(cosineSample(sampler.next2D()));
+            RayStart from = mark.start;
+            vec3 to = Basis(mark.normal).toWorld(cosineSample(sampler.next2D()));
             if (!escape(scene, rays, sampler, from, to)) continue;
-            mark.origin[mark.escapes] = from;
+            mark.origin[mark.escapes] = vec3(from.position);
             mark.direction[mark.escapes++] = to;
           }
         }
@@ -101,8 +105,10 @@ ImportanceMap::ImportanceMap(const Scene& scene, const RayScene& rays, const Cam
         if (!(sampler.next1D() < maxComponent(next.weight * next.etaSquared))) return;
         direction = next.direction;
         if (!next.delta || !next.transmitted) scattered = !next.delta;
+        if (!rays.leave(surface, direction, bsdf.leavesFront(direction), start)) return;
+      } else {
+        start = surface.leave();
       }
-      origin = surface.leave(direction);
     }
   };
   std::vector<Trace> traces(paths);
@@ -123,8 +129,9 @@ void ImportanceMap::collect(const std::vector<Trace>& traces) {
         coarse_ = grid(kCoarse);
       }
       const Trace::Mark& mark = trace.marks[m];
-      for (std::uint16_t* count : {&fine_[cell(mark.position, mark.normal, kFine)],
-                                   &coarse_[cell(mark.position, mark.normal, kCoarse)]}) {
+      for (std::uint16_t* count :
+           {&fine_[cell(vec3(mark.start.position), mark.normal, kFine)],
+            &coarse_[cell(vec3(mark.start.position), mark.normal, kCoarse)]}) {
         if (*count < 0xffffu) ++*count;
       }
     }
@@ -132,7 +139,7 @@ void ImportanceMap::collect(const std::vector<Trace>& traces) {
   for (const Trace& trace : traces) {
     for (std::uint32_t m = 0; m < trace.count; ++m) {
       const Trace::Mark& mark = trace.marks[m];
-      readers_.push_back({mark.position, mark.normal, visits(mark.position, mark.normal)});
+      readers_.push_back({mark.start, mark.normal, visits(vec3(mark.start.position), mark.normal)});
       for (std::uint32_t i = 0; i < mark.escapes; ++i) {
         escapes_.push_back({mark.origin[i], mark.direction[i], readers_.back().visits});
       }

@@ -41,8 +41,9 @@ class ImportanceMap {
 
   /// A surface point whose cached light an importon would read.
   struct Reader {
-    vec3 position, normal;  ///< position: a little off the surface, on the side of the unit normal
-    float visits;           ///< of its cell
+    RayStart start;
+    vec3 normal;   ///< unit, of the side that was read
+    float visits;  ///< of its cell
   };
   /// A line from a reader to the outside; the unit direction points away from the scene.
   struct Escape {

@@ -14,12 +14,12 @@ constexpr int kPhotonBounces = 64;
 constexpr std::uint64_t kChunk = 1024;
 
 /// Scattered by a medium into a new direction, or absorbed: false.
-bool scatterInMedium(const MediaCollision& collision, Sampler& sampler, vec3& origin,
+bool scatterInMedium(const MediaCollision& collision, Sampler& sampler, RayStart& start,
                      vec3& direction, vec3& power) {
   const float survival = maxComponent(collision.albedo);
   if (!(survival > 0.0f) || sampler.next1D() >= survival) return false;
   power *= collision.albedo / survival;
-  origin += direction * collision.distance;
+  start = start.position + dvec3(direction) * double(collision.distance);
   direction = sampleHenyeyGreenstein(direction, collision.anisotropy, sampler.next2D());
   return true;
 }
@@ -30,16 +30,17 @@ bool scatterInMedium(const MediaCollision& collision, Sampler& sampler, vec3& or
 void follow(const Scene& scene, const RayScene& rays, Sampler& sampler, const EmittedPhoton& photon,
             bool allBounces, LandedPhoton out, std::vector<LandedPhoton>& landed) {
   const Media* const media = rays.media();
-  vec3 origin = photon.origin, direction = photon.direction, power = photon.power;
-  const float start = maxComponent(power);
+  RayStart start = photon.start;
+  vec3 direction = photon.direction, power = photon.power;
+  const float emitted = maxComponent(power);
   bool scatters = photon.scatters;
   for (int bounce = 0; bounce < kPhotonBounces; ++bounce) {
     RayHit hit;
-    const bool met = rays.intersect(origin, direction, 0.0f, kInfinity, hit);
+    const bool met = rays.intersect(start, direction, 0.0f, kInfinity, hit);
     MediaCollision collision;
     if (media != nullptr &&
-        media->collide(origin, direction, met ? hit.t : kInfinity, sampler, collision)) {
-      if (!scatters || !scatterInMedium(collision, sampler, origin, direction, power)) return;
+        media->collide(start.position, direction, met ? hit.t : kInfinity, sampler, collision)) {
+      if (!scatters || !scatterInMedium(collision, sampler, start, direction, power)) return;
       scatters = false;
       continue;
     }
@@ -48,12 +49,13 @@ void follow(const Scene& scene, const RayScene& rays, Sampler& sampler, const Em
     const Bsdf bsdf(scene, surface, -direction);
     BsdfSample next;
     if (bsdf.unlit()) return;
+    start = surface.leave();
     if (bsdf.coverage() < 1.0f && sampler.next1D() >= bsdf.coverage()) {
       next.direction = direction;
     } else {
       if (bsdf.cacheable()) {
         if (!isFinite(power) || !(maxComponent(power) > 0.0f)) return;
-        out.position = surface.position;
+        out.position = vec3(surface.position);
         out.normal = bsdf.geometricNormal();
         out.power = power;
         landed.push_back(out);
@@ -62,13 +64,13 @@ void follow(const Scene& scene, const RayScene& rays, Sampler& sampler, const Em
       }
       if (!bsdf.sample(sampler, next)) return;
       power *= next.weight * next.etaSquared;
-      const float survival = std::min(1.0f, maxComponent(power) / start);
+      const float survival = std::min(1.0f, maxComponent(power) / emitted);
       if (!(survival > 0.0f) || sampler.next1D() >= survival) return;
       power /= survival;
       scatters = false;
+      if (!rays.leave(surface, next.direction, bsdf.leavesFront(next.direction), start)) return;
     }
     direction = next.direction;
-    origin = surface.leave(direction);
   }
 }
 

@@ -34,10 +34,27 @@ struct Handle {
   }
 };
 
+// A ray as it is asked for. Embree has it in single precision, to cull by.
+struct Query {
+  const RayStart& start;
+  const vec3& direction;
+  const RayEnd& end;
+};
+
+// A mesh as Embree's geometry knows it.
+struct Traced {
+  const hccm::Mesh* mesh = nullptr;
+  const hccm::PagedMesh* paged = nullptr;         // or this
+  std::uint32_t instance = RayScene::kWorldMesh;  // unless Embree has an instance of it
+  bool isShared = false;                          // it has
+  double slack = 0.0;                             // mesh units: what Embree's rays may be off
+};
+
 // What callbacks find behind Embree's context: the best hit, and the ray as prepared for the mesh
 // that was visited last, so that it is prepared once a mesh and not once a cluster.
 struct TraceContext {
   RTCIntersectContext embree;
+  Query query;
   std::uint32_t preparedFor;
   bool isPrepared = false;
   float far;  // Embree's tfar that `prepared` knows of
@@ -45,29 +62,39 @@ struct TraceContext {
   RayHit best;
   const std::uint8_t* hidden;  // by object; null if every object is seen
   const Placement* placements;
+  const Placement* world;
   hccm::PagedMesh::Pin pin;   // the page that was visited last
   std::exception_ptr failed;  // it can't pass through Embree
 
-  TraceContext(const Visibility& visibility, const std::vector<Placement>& placed)
-      : hidden(visibility.hiddenObjects()), placements(placed.data()) {
+  TraceContext(const Query& asked, const Visibility& visibility,
+               const std::vector<Placement>& placed, const Placement& worldPlacement)
+      : query(asked),
+        hidden(visibility.hiddenObjects()),
+        placements(placed.data()),
+        world(&worldPlacement) {
     rtcInitIntersectContext(&embree);
     best.instance = RayScene::kWorldMesh;
     best.cluster = best.triangle = hccm::Hit::kNothing;
   }
-  /// Whether the placement under way is of a hidden object; clusters of the world see to
-  /// themselves.
-  bool hides() const {
-    const std::uint32_t instance = embree.instID[0];
-    return hidden != nullptr && instance != RayScene::kWorldMesh &&
-           hidden[static_cast<std::uint32_t>(placements[instance].object)] != 0;
+  std::uint32_t instanceOf(const Traced& traced) const {
+    return traced.isShared ? embree.instID[0] : traced.instance;
+  }
+  // Whether an instance is of a hidden object; clusters of merged meshes see to themselves.
+  bool hides(const Traced& traced) const {
+    if (hidden == nullptr || !traced.isShared) return false;
+    const int object = placements[embree.instID[0]].object;
+    return object != kNone && hidden[static_cast<std::uint32_t>(object)] != 0;
   }
   template <typename AnyMesh>
-  void prepare(const AnyMesh& mesh, const RTCRay& ray) {
-    const std::uint32_t instance = embree.instID[0];
+  void prepare(const AnyMesh& mesh, const Traced& traced, const RTCRay& ray) {
+    const std::uint32_t instance = instanceOf(traced);
     if (!isPrepared || preparedFor != instance) {
-      prepared = mesh.prepare({vec3(ray.org_x, ray.org_y, ray.org_z), ray.tnear,
-                               vec3(ray.dir_x, ray.dir_y, ray.dir_z), ray.tfar});
-      if (instance == RayScene::kWorldMesh) prepared.hidden = hidden;
+      const Placement& placement = instance == RayScene::kWorldMesh ? *world : placements[instance];
+      hccm::Ray local = placement.rayToMesh(query.start, query.direction, ray.tnear, ray.tfar,
+                                            query.end, mesh.step());
+      if (query.start.instance != instance) local.fromCluster = hccm::Hit::kNothing;
+      prepared = mesh.prepare(local);
+      if (placement.object == kNone) prepared.hidden = hidden;
       preparedFor = instance;
       isPrepared = true;
       far = ray.tfar;
@@ -79,11 +106,12 @@ struct TraceContext {
 };
 
 void boundsCallback(const RTCBoundsFunctionArguments* args) {
-  const auto& mesh = *static_cast<const hccm::Mesh*>(args->geometryUserPtr);
+  const Traced& traced = *static_cast<const Traced*>(args->geometryUserPtr);
   vec3 lower, upper;
-  mesh.bounds(lower, upper);
-  const auto margin = static_cast<float>(2.0 * mesh.step());  // see hccmesh.h, "watertight"
-  lower -= margin, upper += margin;
+  traced.mesh->bounds(lower, upper);
+  const double margin = 2.0 * traced.mesh->step() + traced.slack;  // see hccmesh.h, "watertight"
+  const dvec3 origin = traced.isShared ? dvec3(0.0) : traced.mesh->gridOrigin();
+  lower = vec3(origin + dvec3(lower) - margin), upper = vec3(origin + dvec3(upper) + margin);
   RTCBounds& b = *args->bounds_o;
   b.lower_x = lower.x, b.lower_y = lower.y, b.lower_z = lower.z;
   b.upper_x = upper.x, b.upper_y = upper.y, b.upper_z = upper.z;
@@ -103,55 +131,56 @@ hccm::Hit bestFor(const TraceContext& context, std::uint32_t instance) {
 }
 
 void takeHit(const RTCIntersectFunctionNArguments* args, TraceContext& context,
-             const hccm::Hit& hit) {
+             std::uint32_t instance, const hccm::Hit& hit) {
   auto& rayHit = *reinterpret_cast<RTCRayHit*>(args->rayhit);
-  const std::uint32_t instance = args->context->instID[0];
-  context.best = {hit.t, hit.u, hit.v, instance, hit.cluster, hit.triangle};
+  context.best = {hit.u, hit.v, hit.t, instance, hit.cluster, hit.triangle};
   rayHit.ray.tfar = context.far = hit.t;
   rayHit.hit.geomID = args->geomID;
   rayHit.hit.primID = args->primID;
-  rayHit.hit.instID[0] = instance;
+  rayHit.hit.instID[0] = args->context->instID[0];
 }
 
 void intersectCallback(const RTCIntersectFunctionNArguments* args) {
   if (args->N != 1 || args->valid[0] == 0) return;
-  const auto& mesh = *static_cast<const hccm::Mesh*>(args->geometryUserPtr);
+  const Traced& traced = *static_cast<const Traced*>(args->geometryUserPtr);
   auto& context = *reinterpret_cast<TraceContext*>(args->context);
-  if (context.hides()) return;
-  context.prepare(mesh, reinterpret_cast<RTCRayHit*>(args->rayhit)->ray);
-  hccm::Hit hit = bestFor(context, args->context->instID[0]);
-  if (mesh.intersect(context.prepared, hit)) takeHit(args, context, hit);
+  if (context.hides(traced)) return;
+  context.prepare(*traced.mesh, traced, reinterpret_cast<RTCRayHit*>(args->rayhit)->ray);
+  const std::uint32_t instance = context.instanceOf(traced);
+  hccm::Hit hit = bestFor(context, instance);
+  if (traced.mesh->intersect(context.prepared, hit)) takeHit(args, context, instance, hit);
 }
 
 void occludedCallback(const RTCOccludedFunctionNArguments* args) {
   if (args->N != 1 || args->valid[0] == 0) return;
-  const auto& mesh = *static_cast<const hccm::Mesh*>(args->geometryUserPtr);
+  const Traced& traced = *static_cast<const Traced*>(args->geometryUserPtr);
   auto& context = *reinterpret_cast<TraceContext*>(args->context);
-  if (context.hides()) return;
+  if (context.hides(traced)) return;
   auto& ray = *reinterpret_cast<RTCRay*>(args->ray);
-  context.prepare(mesh, ray);
-  if (mesh.occluded(context.prepared)) ray.tfar = -kInfinity;
+  context.prepare(*traced.mesh, traced, ray);
+  if (traced.mesh->occluded(context.prepared)) ray.tfar = -kInfinity;
 }
 
 void groupBoundsCallback(const RTCBoundsFunctionArguments* args) {
-  const auto& mesh = *static_cast<const hccm::PagedMesh*>(args->geometryUserPtr);
-  const hccm::PageGroup& g = mesh.table().groups[args->primID];
+  const Traced& traced = *static_cast<const Traced*>(args->geometryUserPtr);
+  const hccm::PageGroup& g = traced.paged->table().groups[args->primID];
+  const auto margin = static_cast<float>(traced.slack);
   RTCBounds& b = *args->bounds_o;
-  b.lower_x = g.lower[0], b.lower_y = g.lower[1], b.lower_z = g.lower[2];
-  b.upper_x = g.upper[0], b.upper_y = g.upper[1], b.upper_z = g.upper[2];
+  b.lower_x = g.lower[0] - margin, b.lower_y = g.lower[1] - margin, b.lower_z = g.lower[2] - margin;
+  b.upper_x = g.upper[0] + margin, b.upper_y = g.upper[1] + margin, b.upper_z = g.upper[2] + margin;
 }
 
 void intersectGroupCallback(const RTCIntersectFunctionNArguments* args) {
   if (args->N != 1 || args->valid[0] == 0) return;
-  const auto& mesh = *static_cast<const hccm::PagedMesh*>(args->geometryUserPtr);
+  const Traced& traced = *static_cast<const Traced*>(args->geometryUserPtr);
   auto& context = *reinterpret_cast<TraceContext*>(args->context);
   RTCRay& ray = reinterpret_cast<RTCRayHit*>(args->rayhit)->ray;
   if (context.failed) return;
-  context.prepare(mesh, ray);
-  hccm::Hit hit = bestFor(context, args->context->instID[0]);
+  context.prepare(*traced.paged, traced, ray);
+  hccm::Hit hit = bestFor(context, traced.instance);
   try {
-    if (mesh.intersect(args->primID, context.prepared, hit, context.pin))
-      takeHit(args, context, hit);
+    if (traced.paged->intersect(args->primID, context.prepared, hit, context.pin))
+      takeHit(args, context, traced.instance, hit);
   } catch (...) {
     context.failed = std::current_exception();
     ray.tfar = -kInfinity;  // ends the search
@@ -160,12 +189,12 @@ void intersectGroupCallback(const RTCIntersectFunctionNArguments* args) {
 
 void occludedGroupCallback(const RTCOccludedFunctionNArguments* args) {
   if (args->N != 1 || args->valid[0] == 0) return;
-  const auto& mesh = *static_cast<const hccm::PagedMesh*>(args->geometryUserPtr);
+  const Traced& traced = *static_cast<const Traced*>(args->geometryUserPtr);
   auto& context = *reinterpret_cast<TraceContext*>(args->context);
   auto& ray = *reinterpret_cast<RTCRay*>(args->ray);
-  context.prepare(mesh, ray);
+  context.prepare(*traced.paged, traced, ray);
   try {
-    if (mesh.occluded(args->primID, context.prepared, context.pin)) ray.tfar = -kInfinity;
+    if (traced.paged->occluded(args->primID, context.prepared, context.pin)) ray.tfar = -kInfinity;
   } catch (...) {
     context.failed = std::current_exception();
     ray.tfar = -kInfinity;
@@ -186,29 +215,14 @@ auto readingPages(const Function& function) {
   }
 }
 
-void setRay(RTCRay& ray, const vec3& origin, const vec3& direction, float tnear, float tfar,
-            double shift) {
+void setRay(RTCRay& ray, const vec3& origin, const vec3& direction, float tnear, float tfar) {
   ray.org_x = origin.x, ray.org_y = origin.y, ray.org_z = origin.z;
   ray.dir_x = direction.x, ray.dir_y = direction.y, ray.dir_z = direction.z;
-  if (shift != 0.0) {
-    tnear = static_cast<float>(tnear - shift);
-    tfar = static_cast<float>(tfar - shift);
-  }
-  ray.tnear = std::max(tnear, 0.0f);  // Embree knows no negative t
+  ray.tnear = tnear;
   ray.tfar = tfar;
   ray.time = 0.0f;
   ray.mask = 0xffffffffu;
   ray.id = ray.flags = 0;
-}
-
-// The same for a mesh alone.
-hccm::Ray meshRay(const vec3& origin, const vec3& direction, float tnear, float tfar,
-                  double shift) {
-  if (shift != 0.0) {
-    tnear = static_cast<float>(tnear - shift);
-    tfar = static_cast<float>(tfar - shift);
-  }
-  return {origin, std::max(tnear, 0.0f), direction, tfar};
 }
 
 bool countMemory(void* counter, ssize_t bytes, bool) {
@@ -229,17 +243,21 @@ struct Approach {
   dvec3 centre{0.0};
   double radius = 0.0;  // metres; of a sphere around the scene
 
-  // Moves the origin forward by `along`. False if the ray can't meet the scene: it passes by, goes
-  // away, or starts nowhere. Embree takes no origins beyond 1e18.
-  bool bring(vec3& origin, const vec3& direction, double& along) const {
+  // Moves the origin forward, and the interval back. False if the ray can't meet the scene: it
+  // passes by, goes away, or starts nowhere. Embree takes no origins beyond 1e18, and no negative
+  // t.
+  bool bring(dvec3& origin, const vec3& direction, float& tnear, float& tfar, double& along) const {
     along = 0.0;
-    if (!trex::isFinite(origin)) return false;
-    const dvec3 o = dvec3(origin) - centre, d(direction);
-    if (isNear(o)) return true;
+    tnear = std::max(tnear, 0.0f);
+    if (!trex::isFinite(vec3(origin))) return false;
+    const dvec3 o = origin - centre, d(direction);
+    if (isNear(o)) return tfar >= tnear;
     along = -glm::dot(o, d) / glm::dot(d, d) - 2.0 * radius / glm::length(d);
     if (!(along > 0.0) || !std::isfinite(along)) return false;
-    origin = vec3(centre + (o + along * d));
-    return isNear(o + along * d);
+    origin = centre + (o + along * d);
+    tnear = std::max(static_cast<float>(tnear - along), 0.0f);
+    tfar = static_cast<float>(tfar - along);
+    return tfar >= tnear && isNear(o + along * d);
   }
   bool isNear(const dvec3& o) const {
     return std::max({std::abs(o.x), std::abs(o.y), std::abs(o.z)}) <= 4.0 * radius;
@@ -248,29 +266,15 @@ struct Approach {
 
 // What a mesh is to a scene: one primitive, for it has a hierarchy of its own; of a mesh in pages,
 // one a group.
-struct Primitives {
-  const void* mesh;
-  std::uint32_t count;
-  RTCBoundsFunction bounds;
-  RTCIntersectFunctionN intersect;
-  RTCOccludedFunctionN occluded;
-};
-Primitives primitivesOf(const hccm::Mesh& mesh) {
-  return {&mesh, 1, boundsCallback, intersectCallback, occludedCallback};
-}
-Primitives primitivesOf(const hccm::PagedMesh& mesh) {
-  return {&mesh, mesh.groupCount(), groupBoundsCallback, intersectGroupCallback,
-          occludedGroupCallback};
-}
-
-void attachMesh(RTCDevice device, RTCScene scene, const Primitives& p, unsigned id) {
+void attachMesh(RTCDevice device, RTCScene scene, Traced& traced, unsigned id) {
   const RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_USER);
   check(device, "making a geometry");
-  rtcSetGeometryUserPrimitiveCount(geometry, p.count);
-  rtcSetGeometryUserData(geometry, const_cast<void*>(p.mesh));
-  rtcSetGeometryBoundsFunction(geometry, p.bounds, nullptr);
-  rtcSetGeometryIntersectFunction(geometry, p.intersect);
-  rtcSetGeometryOccludedFunction(geometry, p.occluded);
+  const bool paged = traced.paged != nullptr;
+  rtcSetGeometryUserPrimitiveCount(geometry, paged ? traced.paged->groupCount() : 1);
+  rtcSetGeometryUserData(geometry, &traced);
+  rtcSetGeometryBoundsFunction(geometry, paged ? groupBoundsCallback : boundsCallback, nullptr);
+  rtcSetGeometryIntersectFunction(geometry, paged ? intersectGroupCallback : intersectCallback);
+  rtcSetGeometryOccludedFunction(geometry, paged ? occludedGroupCallback : occludedCallback);
   rtcCommitGeometry(geometry);
   rtcAttachGeometryByID(scene, geometry, id);
   rtcReleaseGeometry(geometry);
@@ -287,13 +291,16 @@ RTCScene newScene(RTCDevice device) {
 }  // namespace
 
 struct RayScene::Impl {
-  explicit Impl(Parts p) : parts(std::move(p)), meshScenes(parts.shared.size()) {}
+  explicit Impl(Parts p)
+      : parts(std::move(p)), meshScenes(parts.shared.size()), shared(parts.shared.size()) {}
 
   std::atomic<std::int64_t> embreeBytes{0};  // outlives the handles
   Parts parts;
   Handle top;
   Placement worldPlacement;
-  std::vector<Handle> meshScenes;     // by shared mesh
+  std::vector<Handle> meshScenes;  // by shared mesh
+  std::vector<Traced> shared;      // by shared mesh
+  Traced tracedWorld;
   std::vector<Placement> placements;  // by instance id
   Box3f bounds;
   Approach approach;
@@ -304,8 +311,7 @@ struct RayScene::Impl {
   void build(const Scene& scene);
   /// Nothing but the merged mesh, in memory.
   bool worldAlone() const { return placements.empty() && !parts.paged; }
-  bool intersectWorld(const vec3& start, const vec3& direction, float tnear, float tfar,
-                      double shift, RayHit& hit) const;
+  hccm::PreparedRay worldRay(const Query& query, float tnear, float tfar) const;
 
  private:
   void place(const Scene& scene);
@@ -315,17 +321,12 @@ struct RayScene::Impl {
 };
 
 void RayScene::Impl::place(const Scene& scene) {
-  const double step = parts.paged ? parts.paged->step() : parts.world.step();
-  Placement::make(dmat4(1.0), step, kNone, worldPlacement);
-  worldPlacement.relativeError = 0x1p-20;  // no matrix between
   for (const Parts::Placed& p : parts.placed) {
-    const Instance& instance = scene.instances[p.instance];
-    const hccm::Mesh& mesh = parts.shared[p.mesh];
+    const SharedPlace place = placeOf(scene, parts, p);
     Placement& made = placements.emplace_back();
-    if (!Placement::make(sharedToRender(scene, instance, mesh, parts.renderOrigin), mesh.step(),
-                         instance.object, made)) {
+    if (!Placement::make(place.toRender, place.object, made)) {
       fail(ExitCode::kInput, "{}: instance '{}' is flat or has a transform that is not finite",
-           scene.source, instance.name);
+           scene.source, scene.instances[p.instance].name);
     }
   }
 }
@@ -349,18 +350,27 @@ void RayScene::Impl::build(const Scene& scene) {
   top.device = rtcNewDevice(nullptr);
   if (!top.device) fail(ExitCode::kMemoryOrDevice, "Embree: no device could be made");
   rtcSetDeviceMemoryMonitorFunction(top.device, countMemory, &embreeBytes);
+  const double reach = 4.0 * approach.radius + glm::length(approach.centre);  // of origins
+  for (std::size_t i = 0; i < placements.size(); ++i) {
+    double& slack = shared[parts.placed[i].mesh].slack;
+    slack = std::max(slack, placements[i].embreeSlack * (reach + placements[i].far));
+  }
   for (std::size_t i = 0; i < parts.shared.size(); ++i) {
     meshScenes[i].scene = newScene(top.device);
-    attachMesh(top.device, meshScenes[i].scene, primitivesOf(parts.shared[i]), 0);
+    shared[i].mesh = &parts.shared[i];
+    shared[i].isShared = true;
+    attachMesh(top.device, meshScenes[i].scene, shared[i], 0);
     rtcCommitScene(meshScenes[i].scene);
     check(top.device, "building a hierarchy");
   }
   top.scene = newScene(top.device);
   for (std::size_t i = 0; i < placements.size(); ++i) attachInstance(i);
   const auto worldId = static_cast<unsigned>(placements.size());
-  if (parts.world.clusterCount() > 0)
-    attachMesh(top.device, top.scene, primitivesOf(parts.world), worldId);
-  if (parts.paged) attachMesh(top.device, top.scene, primitivesOf(*parts.paged), worldId);
+  tracedWorld.mesh = &parts.world;
+  tracedWorld.paged = parts.paged.get();
+  tracedWorld.slack = worldPlacement.embreeSlack * reach;
+  if (parts.paged || parts.world.clusterCount() > 0)
+    attachMesh(top.device, top.scene, tracedWorld, worldId);
   rtcCommitScene(top.scene);
   check(top.device, "building a hierarchy");
   statistics.topLevelBytes +=
@@ -396,18 +406,15 @@ void RayScene::Impl::measure() {
     }
   }
   if (!bounds.empty()) approach = {dvec3(bounds.centre()), 0.5 * glm::length(dvec3(bounds.size()))};
-  s.instances = placements.size();
+  s.instances = static_cast<std::uint64_t>(std::ranges::count_if(
+      parts.placed, [](const auto& p) { return p.instance != Parts::kNoInstance; }));
 }
 
-bool RayScene::Impl::intersectWorld(const vec3& start, const vec3& direction, float tnear,
-                                    float tfar, double shift, RayHit& hit) const {
-  hccm::PreparedRay ray = parts.world.prepare(meshRay(start, direction, tnear, tfar, shift));
+hccm::PreparedRay RayScene::Impl::worldRay(const Query& query, float tnear, float tfar) const {
+  hccm::PreparedRay ray = parts.world.prepare(worldPlacement.rayToMesh(
+      query.start, query.direction, tnear, tfar, query.end, parts.world.step()));
   ray.hidden = visibility.hiddenObjects();
-  hccm::Hit h;
-  if (!parts.world.intersect(ray, h)) return false;
-  hit = {h.t, h.u, h.v, kWorldMesh, h.cluster, h.triangle};
-  if (shift != 0.0) hit.t = static_cast<float>(hit.t + shift);
-  return true;
+  return ray;
 }
 
 void RayScene::Impl::measurePages(const hccm::PageTable& table) {
@@ -435,40 +442,45 @@ RayScene::RayScene(const Scene& scene, const Options& options)
     : RayScene(scene, makeParts(scene, options)) {}
 RayScene::~RayScene() = default;
 
-bool RayScene::intersect(const vec3& origin, const vec3& direction, float tnear, float tfar,
-                         RayHit& hit) const {
-  vec3 start = origin;
+bool RayScene::intersect(const RayStart& start, const vec3& direction, float tnear,
+                         const RayEnd& end, RayHit& hit) const {
+  RayStart near = start;
+  float tfar = end.distance;
   double shift;
-  if (!impl_->visibility.clip(origin, direction, tnear, tfar)) return false;
-  if (!impl_->approach.bring(start, direction, shift)) return false;
-  if (impl_->worldAlone()) return impl_->intersectWorld(start, direction, tnear, tfar, shift, hit);
-  TraceContext context(impl_->visibility, impl_->placements);
-  RTCRayHit rayHit;
-  setRay(rayHit.ray, start, direction, tnear, tfar, shift);
-  rayHit.hit.geomID = rayHit.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
-  rtcIntersect1(impl_->top.scene, &context.embree, &rayHit);
-  if (context.failed) readingPages([&] { std::rethrow_exception(context.failed); });
-  if (context.best.cluster == hccm::Hit::kNothing) return false;
-  hit = context.best;
+  if (!impl_->visibility.clip(start.position, direction, tnear, tfar)) return false;
+  if (!impl_->approach.bring(near.position, direction, tnear, tfar, shift)) return false;
+  const Query query{near, direction, end};
+  if (impl_->worldAlone()) {
+    hccm::PreparedRay ray = impl_->worldRay(query, tnear, tfar);
+    hccm::Hit h;
+    if (!impl_->parts.world.intersect(ray, h)) return false;
+    hit = {h.u, h.v, h.t, kWorldMesh, h.cluster, h.triangle};
+  } else {
+    TraceContext context(query, impl_->visibility, impl_->placements, impl_->worldPlacement);
+    RTCRayHit rayHit;
+    setRay(rayHit.ray, vec3(near.position), direction, tnear, tfar);
+    rayHit.hit.geomID = rayHit.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
+    rtcIntersect1(impl_->top.scene, &context.embree, &rayHit);
+    if (context.failed) readingPages([&] { std::rethrow_exception(context.failed); });
+    if (context.best.cluster == hccm::Hit::kNothing) return false;
+    hit = context.best;
+  }
   if (shift != 0.0) hit.t = static_cast<float>(hit.t + shift);
   return true;
 }
 
-bool RayScene::occluded(const vec3& origin, const vec3& direction, float tnear, float tfar) const {
-  vec3 start = origin;
+bool RayScene::occluded(const RayStart& start, const vec3& direction, float tnear,
+                        const RayEnd& end) const {
+  RayStart near = start;
+  float tfar = end.distance;
   double shift;
-  if (!impl_->visibility.clip(origin, direction, tnear, tfar)) return false;
-  if (!impl_->approach.bring(start, direction, shift)) return false;
-  if (impl_->worldAlone()) {
-    const hccm::Mesh& world = impl_->parts.world;
-    hccm::PreparedRay ray = world.prepare(meshRay(start, direction, tnear, tfar, shift));
-    ray.hidden = impl_->visibility.hiddenObjects();
-    return world.occluded(ray);
-  }
-  TraceContext context(impl_->visibility, impl_->placements);
+  if (!impl_->visibility.clip(start.position, direction, tnear, tfar)) return false;
+  if (!impl_->approach.bring(near.position, direction, tnear, tfar, shift)) return false;
+  const Query query{near, direction, end};
+  if (impl_->worldAlone()) return impl_->parts.world.occluded(impl_->worldRay(query, tnear, tfar));
+  TraceContext context(query, impl_->visibility, impl_->placements, impl_->worldPlacement);
   RTCRay ray;
-  setRay(ray, start, direction, tnear, tfar, shift);
-  if (!(ray.tfar >= 0.0f)) return false;
+  setRay(ray, vec3(near.position), direction, tnear, tfar);
   rtcOccluded1(impl_->top.scene, &context.embree, &ray);
   if (context.failed) readingPages([&] { std::rethrow_exception(context.failed); });
   return ray.tfar < 0.0f;
@@ -478,14 +490,26 @@ Surface RayScene::surface(const RayHit& hit) const {
   if (hit.instance == kWorldMesh && impl_->parts.paged) {
     const hccm::Triangle triangle =
         readingPages([&] { return impl_->parts.paged->triangle(hit.cluster, hit.triangle); });
-    return makeSurface(triangle, impl_->worldPlacement, hit.u, hit.v);
+    return makeSurface(triangle, impl_->worldPlacement, hit);
   }
   if (hit.instance == kWorldMesh)
     return makeSurface(impl_->parts.world.triangle(hit.cluster, hit.triangle),
-                       impl_->worldPlacement, hit.u, hit.v);
+                       impl_->worldPlacement, hit);
   const hccm::Mesh& mesh = impl_->parts.shared[impl_->parts.placed[hit.instance].mesh];
   return makeSurface(mesh.triangle(hit.cluster, hit.triangle), impl_->placements[hit.instance],
-                     hit.u, hit.v);
+                     hit);
+}
+
+bool RayScene::leave(const Surface& surface, const vec3& direction, bool front,
+                     RayStart& start) const {
+  start = surface.leave();
+  const float height = glm::dot(surface.geometricNormal, direction) * (front ? 1.0f : -1.0f);
+  if (height >= surface.bend) return true;
+  const vec3& lift = surface.lift[front ? 0 : 1];
+  const float length = glm::length(lift);
+  if (!(length > 0.0f) || occluded(start, lift / length, 0.0f, length)) return height >= 0.0f;
+  start = surface.position + dvec3(lift);
+  return true;
 }
 
 dvec3 RayScene::renderOrigin() const { return impl_->parts.renderOrigin; }

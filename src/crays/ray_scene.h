@@ -1,15 +1,23 @@
 // The scene as C-rays see it: HCCMeshes under an Embree top level.
 //
-// "Render space" is metres relative to renderOrigin (the centre of the scene's bounds), single
-// precision: what the camera, the integrator, the ASVO and the device use. Meshes placed once are
+// "Render space" is metres relative to renderOrigin (the centre of the scene's bounds): what the
+// camera, the integrator, the ASVO and the device use. Points that rays start from or end at are in
+// double precision, all else is in single precision. Meshes placed once are
 // merged into one HCCMesh whose grid origin is renderOrigin; a mesh placed several times is an
 // HCCMesh of its own under Embree instances (unless all placements together are small, or one is
 // flat: these are merged too). Of meshes that are not merged, a mirrored placement keeps glTF's
 // front side. Texture coordinates are stored only where the material has a texture.
+//
+// One grid has 2^24 cells along the scene. What it is too coarse for (a cell is more than 2^-11 of
+// a mesh's size or 2^-5 of its thickness, or, in scenes of more than a kilometre, than 2^-14 m and
+// 2^-14 of its width) is merged by size and place into HCCMeshes with grids of their own; beside
+// these, what is flat along an axis has one with its plane on it. A scene that needs none of them
+// has just the one. (A mesh of pages has one grid, whatever lies in it.)
 #pragma once
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "hccmesh/hccmesh.h"
@@ -20,15 +28,46 @@
 
 namespace trex {
 
-/// A hit; 24 bytes. `instance` is kWorldMesh for the merged mesh.
+/// A hit. `instance` is kWorldMesh for the merged mesh.
 struct RayHit {
-  float t = kInfinity, u = 0.0f, v = 0.0f;
+  double u = 0.0, v = 0.0;  ///< weights of the second and third corner, inside the triangle
+  float t = kInfinity;
   std::uint32_t instance = 0, cluster = 0, triangle = 0;
+};
+
+/// Where a ray starts, in render space. A ray that leaves a surface starts on it: it meets neither
+/// the triangle that it leaves nor others in one plane with the start, so nothing is moved off.
+struct RayStart {
+  enum class On : std::uint8_t {
+    kNothing,  ///< a point in space: a camera, a point of a medium
+    kSurface,  ///< a point of a decoded triangle, which the numbers name as a RayHit does
+    kSource,   ///< a point of a triangle as the scene has it, not rounded to the grid
+  };
+  dvec3 position{0.0};
+  On on = On::kNothing;
+  std::uint32_t instance = 0, cluster = 0xffffffffu, triangle = 0xffffffffu;
+
+  RayStart() = default;
+  RayStart(const dvec3& point, On where = On::kNothing) : position(point), on(where) {}
+  RayStart(const vec3& point) : position(point) {}
+};
+
+/// Where a ray ends, unless it meets something before.
+struct RayEnd {
+  float distance;  ///< may be infinite
+  /// A point of a light as the scene has it: surfaces in one plane with it, which are the light's
+  /// own, are not met. `distance` is how far it is.
+  std::optional<dvec3> point;
+
+  RayEnd(float metres) : distance(metres) {}
+  RayEnd(float metres, const dvec3& on) : distance(metres), point(on) {}
 };
 
 /// A surface point decoded from a hit, in render space.
 struct Surface {
-  vec3 position;         ///< on the decoded triangle, more exact than origin + t * direction
+  /// On the decoded triangle: corners are exact, so what is lost is 2^-50 of the largest coordinate
+  /// of triangle and scene.
+  dvec3 position;
   vec3 geometricNormal;  ///< unit, of the front side (counter-clockwise)
   vec3 shadingNormal;    ///< unit, interpolated if stored, same hemisphere as geometricNormal
   vec3 tangent;          ///< unit, along +u of the texture; zero where there is no texture map
@@ -36,12 +75,17 @@ struct Surface {
   vec2 texCoord;
   vec4 color;  ///< vertex colour, one if none
   std::uint32_t material, object;
-  float error;  ///< metres: distance to leave the surface by, so that a new ray misses it
+  std::uint32_t instance, cluster, triangle;  ///< as in a RayHit
+  /// From here to the smooth surface that the corners' normals speak of, where that stands out on
+  /// the front and on the back; zero where it does not.
+  vec3 lift[2];
+  float bend;  ///< sine of the largest angle of a corner's normal to geometricNormal
 
-  /// Where a new ray along `direction` starts.
-  vec3 leave(const vec3& direction) const {
-    const float side = glm::dot(geometricNormal, direction) >= 0.0f ? 1.0f : -1.0f;
-    return position + geometricNormal * (side * error);
+  /// Where a ray starts that goes on through the surface.
+  RayStart leave() const {
+    RayStart start(position, RayStart::On::kSurface);
+    start.instance = instance, start.cluster = cluster, start.triangle = triangle;
+    return start;
   }
 };
 
@@ -66,14 +110,16 @@ class RayScene {
 
   /// The meshes that rays meet and where they stand: all that is costly to make of a scene.
   struct Parts {
-    /// A shared mesh that an instance places.
+    /// Of a mesh that lies in render space where its grid origin is; its clusters know objects.
+    static constexpr std::uint32_t kNoInstance = 0xffffffffu;
+    /// A mesh that an instance places.
     struct Placed {
-      std::uint32_t instance = 0;  ///< index into Scene::instances
+      std::uint32_t instance = 0;  ///< index into Scene::instances, or kNoInstance
       std::uint32_t mesh = 0;      ///< index into shared
     };
     dvec3 renderOrigin{0.0};
     hccm::Mesh world;                ///< the merged meshes, in render space
-    std::vector<hccm::Mesh> shared;  ///< those that are placed several times, in their own space
+    std::vector<hccm::Mesh> shared;  ///< all others, in their own space
     std::vector<Placed> placed;      ///< by the instance id of hits
     /// Instead of `world`, which is empty then: a mesh of pages on disk, in render space.
     std::unique_ptr<hccm::PagedMesh> paged;
@@ -93,15 +139,22 @@ class RayScene {
   RayScene(const RayScene&) = delete;
   RayScene& operator=(const RayScene&) = delete;
 
-  /// Nearest hit in [tnear, tfar]; direction unit length, everything finite but tfar. A negative
+  /// Nearest hit in [tnear, end]; direction unit length, everything finite but the end. A negative
   /// tnear counts as 0. On equal t the lower (instance, cluster, triangle) wins. Thread safe.
   /// This and the next two throw Error(kInput) if a page of a paged mesh can't be read.
-  bool intersect(const vec3& origin, const vec3& direction, float tnear, float tfar,
+  bool intersect(const RayStart& start, const vec3& direction, float tnear, const RayEnd& end,
                  RayHit& hit) const;
-  /// Whether anything lies in [tnear, tfar]. Thread safe.
-  bool occluded(const vec3& origin, const vec3& direction, float tnear, float tfar) const;
+  /// Whether anything lies in [tnear, end]. Thread safe.
+  bool occluded(const RayStart& start, const vec3& direction, float tnear, const RayEnd& end) const;
   /// Decodes a hit. Thread safe.
   Surface surface(const RayHit& hit) const;
+  /// Where a ray along `direction` starts that was scattered at a surface and leaves it on its
+  /// front or its back (Bsdf::leavesFront). Close to the horizon of a triangle that stands for a
+  /// smooth surface it starts on that surface, so that neither the triangle's plane nor its
+  /// neighbours shade it: the light's terminator then has no facets [Hanika, Ray Tracing Gems II,
+  /// 2021]. The start stays where it is if something is between. False if the triangle itself is in
+  /// the way. Thread safe.
+  bool leave(const Surface& surface, const vec3& direction, bool front, RayStart& start) const;
 
   dvec3 renderOrigin() const;
   Box3f bounds() const;  ///< render space, of meshes and media

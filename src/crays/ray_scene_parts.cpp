@@ -1,7 +1,12 @@
 // From a scene's meshes to HCCMeshes and their placements.
 #include "src/crays/ray_scene_parts.h"
 
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <map>
 #include <span>
 #include <utility>
 #include <vector>
@@ -12,6 +17,10 @@
 
 namespace trex {
 namespace {
+
+// Cells of the least size that parts of a level may have, along the edge of what shares a grid: a
+// grid holds twice as many, and a part may stand out.
+constexpr int kPlaceBits = 22;
 
 // Only what the scene uses is stored.
 hccm::Part partOf(const Scene& scene, const Mesh& mesh) {
@@ -32,12 +41,54 @@ dmat4 translation(const dvec3& v) {
   return m;
 }
 
+dmat4 sharedToRender(const Scene& scene, const Instance& instance, const hccm::Mesh& mesh,
+                     const dvec3& renderOrigin) {
+  const dvec3 origin = scene.meshes[static_cast<std::size_t>(instance.mesh)].origin;
+  return translation(-renderOrigin) * instance.transform * translation(origin + mesh.gridOrigin());
+}
+
 bool isFinite(const dmat4& m) {
   for (int c = 0; c < 4; ++c)
     for (int r = 0; r < 4; ++r)
       if (!std::isfinite(m[c][r])) return false;
   return true;
 }
+
+// A part of the world's mesh and what it asks of a grid.
+struct Measured {
+  Box3d box;          // render space
+  int flat = kNone;   // axis along which it has no extent
+  double cell = 0.0;  // metres: the largest cell that it may have
+};
+
+// A cell may be 2^-11 of a part's size, and 2^-5 of its thickness, unless that is so little that it
+// is meant to be none. And it may be 2^-14 m, a millimetre's 16th: what lies on another thing, a
+// marking on a road, is told from it; or 2^-14 of the part's width if that is more.
+Measured measure(const hccm::Part& part) {
+  Measured m;
+  for (const glm::uvec3& t : part.triangles)
+    for (int k = 0; k < 3; ++k)
+      m.box.extend(dvec3(part.transform * glm::dvec4(dvec3(part.positions[t[k]]), 1.0)));
+  if (m.box.empty()) return m;
+  const dvec3 size = m.box.size();
+  const double largest = std::max({size.x, size.y, size.z});
+  double least = largest;
+  for (int k = 0; k < 3; ++k) {
+    if (size[k] <= 0x1p-20 * largest)
+      m.flat = k;
+    else
+      least = std::min(least, size[k]);
+  }
+  m.cell = std::min({0x1p-11 * largest, 0x1p-5 * least, std::max(0x1p-14, 0x1p-14 * least)});
+  return m;
+}
+
+// Parts that share a grid: of one level of size, or flat along one axis; and of one place.
+struct GridKey {
+  int level = 0, flat = kNone;
+  std::array<double, 3> place{};
+  auto operator<=>(const GridKey&) const = default;
+};
 
 class PartsBuilder {
  public:
@@ -51,6 +102,8 @@ class PartsBuilder {
  private:
   void addToWorld(const Instance& instance);
   void addShared(std::span<const int> placements);
+  void separate();
+  void addMerged(std::span<const hccm::Part> parts);
 
   const Scene& scene_;
   const RayScene::Options& options_;
@@ -85,8 +138,8 @@ void PartsBuilder::addShared(std::span<const int> placements) {
   for (int i : placements) {
     const Instance& instance = instanceOf(i);
     Placement placement;
-    if (Placement::make(sharedToRender(scene_, instance, mesh, renderOrigin_), mesh.step(),
-                        instance.object, placement)) {
+    if (Placement::make(sharedToRender(scene_, instance, mesh, renderOrigin_), instance.object,
+                        placement)) {
       placed_.push_back(
           {static_cast<std::uint32_t>(i), static_cast<std::uint32_t>(shared_.size())});
       used = true;
@@ -95,6 +148,67 @@ void PartsBuilder::addShared(std::span<const int> placements) {
     }
   }
   if (used) shared_.push_back(std::move(mesh));
+}
+
+// Takes out of the world what its grid is too coarse for, and then what must stay in plane with
+// that.
+void PartsBuilder::separate() {
+  std::vector<Measured> measured(worldParts_.size());
+  tbb::parallel_for(std::size_t{0}, measured.size(),
+                    [&](std::size_t i) { measured[i] = measure(worldParts_[i]); });
+  Box3d all;
+  for (const Measured& m : measured) all.extend(m.box);
+  if (all.empty()) return;
+  const dvec3 size = all.size();
+  const double step = std::max({size.x, size.y, size.z}) * std::ldexp(1.0, -options_.precisionBits);
+  std::map<GridKey, std::vector<hccm::Part>> groups;
+  std::vector<std::size_t> rest;
+  for (std::size_t i = 0; i < measured.size(); ++i) {
+    const Measured& m = measured[i];
+    if (m.box.empty() || !(m.cell > 0.0) || step <= m.cell) {
+      rest.push_back(i);
+      continue;
+    }
+    GridKey key;
+    key.level = std::ilogb(m.cell);
+    const double edge = std::ldexp(1.0, key.level + kPlaceBits);
+    for (int k = 0; k < 3; ++k)
+      key.place[static_cast<std::size_t>(k)] = std::floor(m.box.centre()[k] / edge);
+    groups[key].push_back(worldParts_[i]);
+  }
+  if (groups.empty()) return;
+  std::vector<hccm::Part> kept;
+  for (const std::size_t i : rest) {
+    const Measured& m = measured[i];
+    if (m.flat == kNone) {
+      kept.push_back(worldParts_[i]);
+      continue;
+    }
+    GridKey key;
+    key.flat = m.flat;
+    key.place[0] = m.box.centre()[m.flat];
+    groups[key].push_back(worldParts_[i]);
+  }
+  worldParts_ = std::move(kept);
+  for (const auto& [key, parts] : groups) addMerged(parts);
+}
+
+// The grid's origin is the centre of the parts; along the axis of least extent it is their upper
+// side, which stays where it is: the top of a slab.
+void PartsBuilder::addMerged(std::span<const hccm::Part> parts) {
+  Box3d box;
+  for (const hccm::Part& part : parts) box.extend(measure(part).box);
+  const dvec3 size = box.size();
+  const int thin = size.x < size.y ? (size.x < size.z ? 0 : 2) : (size.y < size.z ? 1 : 2);
+  hccm::BuildOptions build;
+  build.precisionBits = options_.precisionBits;
+  build.chooseOrigin = false;
+  build.gridOrigin = box.centre();
+  build.gridOrigin[thin] = box.upper[thin];
+  hccm::Mesh mesh = hccm::Mesh::build(parts, build);
+  if (mesh.triangleCount() == 0) return;
+  placed_.push_back({RayScene::Parts::kNoInstance, static_cast<std::uint32_t>(shared_.size())});
+  shared_.push_back(std::move(mesh));
 }
 
 RayScene::Parts PartsBuilder::build() {
@@ -110,6 +224,7 @@ RayScene::Parts PartsBuilder::build() {
     else
       addShared(list);
   }
+  separate();
   hccm::BuildOptions worldOptions;
   worldOptions.precisionBits = options_.precisionBits;
   worldOptions.chooseOrigin = false;  // parts come in render space
@@ -127,10 +242,13 @@ bool usesTextures(const Material& m) {
   return false;
 }
 
-dmat4 sharedToRender(const Scene& scene, const Instance& instance, const hccm::Mesh& mesh,
-                     const dvec3& renderOrigin) {
-  const dvec3 origin = scene.meshes[static_cast<std::size_t>(instance.mesh)].origin;
-  return translation(-renderOrigin) * instance.transform * translation(origin + mesh.gridOrigin());
+SharedPlace placeOf(const Scene& scene, const RayScene::Parts& parts,
+                    const RayScene::Parts::Placed& placed) {
+  const hccm::Mesh& mesh = parts.shared[placed.mesh];
+  if (placed.instance == RayScene::Parts::kNoInstance)
+    return {translation(mesh.gridOrigin()), kNone};
+  const Instance& instance = scene.instances[placed.instance];
+  return {sharedToRender(scene, instance, mesh, parts.renderOrigin), instance.object};
 }
 
 RayScene::Parts RayScene::makeParts(const Scene& scene, const Options& options) {

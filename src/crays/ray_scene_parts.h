@@ -5,8 +5,13 @@
 
 namespace trex {
 
-/// From a shared mesh's space to render space.
-dmat4 sharedToRender(const Scene& scene, const Instance& instance, const hccm::Mesh& mesh,
-                     const dvec3& renderOrigin);
+/// Where a mesh of Parts::shared stands: from its space to render space, and the object that it is
+/// of; kNone if its clusters know that.
+struct SharedPlace {
+  dmat4 toRender{1.0};
+  int object = kNone;
+};
+SharedPlace placeOf(const Scene& scene, const RayScene::Parts& parts,
+                    const RayScene::Parts::Placed& placed);
 
 }  // namespace trex

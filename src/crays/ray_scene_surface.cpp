@@ -52,59 +52,103 @@ double normOf(const glm::dmat3& m) {
   return norm;
 }
 
+// [Hanika 2021]: the point as seen from the tangent planes of the corners, by its weights. `sign`
+// turns normals to the triangle's front.
+void liftOff(const hccm::Triangle& triangle, const Placement& placement, const dvec3 (&p)[3],
+             const dvec3& weights, const dvec3& normal, double sign, Surface& s) {
+  // Corners that look elsewhere speak of no smooth surface.
+  constexpr double kLeastCosine = 0.3;
+  dvec3 lift[2] = {dvec3(0.0), dvec3(0.0)};
+  double least = 1.0;
+  for (int i = 0; i < 3; ++i) {
+    const dvec3 n = sign * unitOrZero(placement.normalMatrix * dvec3(triangle.normal[i]));
+    least = std::min(least, glm::dot(n, normal));
+    const double height = glm::dot(s.position - p[i], n);
+    lift[height < 0.0 ? 0 : 1] -= weights[i] * height * n;
+  }
+  if (!(least > kLeastCosine) || least > 1.0 - 1e-9) return;
+  s.lift[0] = vec3(lift[0]), s.lift[1] = vec3(lift[1]);
+  s.bend = static_cast<float>(std::sqrt(1.0 - least * least));
+}
+
 }  // namespace
 
-bool Placement::make(const dmat4& transform, double step, int object, Placement& out) {
-  out.toRender = dmat4(mat4(transform));
+bool Placement::make(const dmat4& transform, int object, Placement& out) {
+  out.toRender = transform;
+  out.moved = transform != dmat4(1.0);
   out.object = object;
   const glm::dmat3 linear(out.toRender);
   const double determinant = glm::determinant(linear);
   const double norm = normOf(linear);
   if (!std::isfinite(norm) || !isFinite(vec3(out.toRender[3]))) return false;
-  // Flatter than this, single precision has no inverse left.
+  // Flatter than this, single precision, by which Embree culls, has no inverse left.
   if (!(std::abs(determinant) > 1e-9 * norm * norm * norm) || !(norm > 1e-15)) return false;
   const glm::dmat3 inverse = glm::inverse(linear);
+  out.toMesh = dmat4(inverse);
+  out.toMesh[3] = glm::dvec4(-(inverse * dvec3(out.toRender[3])), 1.0);
   out.mirrored = determinant < 0.0;
   out.normalMatrix = glm::transpose(inverse);
-  // Embree rounds a ray's way to mesh space: a few ulps of all that is added up, in mesh space,
-  // seen from here.
-  const double condition = norm * normOf(inverse);
-  out.relativeError = 0x1p-20 * (1.0 + condition);
-  out.error = 2.0 * step * norm + 0x1p-20 * condition * largestOf(dvec3(out.toRender[3]));
+  out.far = largestOf(dvec3(out.toRender[3]));
+  out.slack = 0x1p-49 * normOf(inverse) * norm * normOf(inverse);
+  out.embreeSlack = 0x1p30 * out.slack;
   return true;
 }
 
-Surface makeSurface(const hccm::Triangle& triangle, const Placement& placement, float u, float v) {
+hccm::Ray Placement::rayToMesh(const RayStart& start, const vec3& direction, float tnear,
+                               float tfar, const RayEnd& end, double step) const {
+  const auto place = [&](const dvec3& p) { return moved ? dvec3(toMesh * glm::dvec4(p, 1.0)) : p; };
+  hccm::Ray ray{.origin = place(start.position),
+                .tnear = tnear,
+                .direction = moved ? vec3(glm::dmat3(toMesh) * dvec3(direction)) : direction,
+                .tfar = tfar,
+                .fromCluster = start.cluster,
+                .fromTriangle = start.triangle};
+  // What is rounded to the grid moves a plane by no more than a cell and a half.
+  const double rounded = slack * (largestOf(start.position) + far);
+  if (start.on == RayStart::On::kSurface) ray.slack = rounded;
+  if (start.on == RayStart::On::kSource) ray.slack = rounded + 1.5 * step;
+  if (end.point) {
+    ray.target = place(*end.point);
+    ray.targetSlack = slack * (largestOf(*end.point) + far) + 1.5 * step;
+  }
+  return ray;
+}
+
+Surface makeSurface(const hccm::Triangle& triangle, const Placement& placement, const RayHit& hit) {
   Surface s{};
+  s.instance = hit.instance, s.cluster = hit.cluster, s.triangle = hit.triangle;
   dvec3 p[3];
-  for (int i = 0; i < 3; ++i)
-    p[i] = dvec3(placement.toRender * glm::dvec4(dvec3(triangle.position[i]), 1.0));
-  const double w = 1.0 - double(u) - double(v);
+  for (int i = 0; i < 3; ++i) {
+    p[i] = dvec3(triangle.position[i]);
+    if (placement.moved) p[i] = dvec3(placement.toRender * glm::dvec4(p[i], 1.0));
+  }
+  const double u = hit.u, v = hit.v, w = 1.0 - u - v;
   const dvec3 e1 = p[1] - p[0], e2 = p[2] - p[0];
-  const dvec3 position = p[0] + double(u) * e1 + double(v) * e2;
-  s.position = vec3(position);
+  s.position = p[0] + u * e1 + v * e2;
 
   dvec3 shading(0.0);
   if (triangle.hasNormals)
     shading = unitOrZero(placement.normalMatrix *
-                         (w * dvec3(triangle.normal[0]) + double(u) * dvec3(triangle.normal[1]) +
-                          double(v) * dvec3(triangle.normal[2])));
+                         (w * dvec3(triangle.normal[0]) + u * dvec3(triangle.normal[1]) +
+                          v * dvec3(triangle.normal[2])));
   dvec3 normal = unitOrZero(placement.mirrored ? glm::cross(e2, e1) : glm::cross(e1, e2));
   if (isZero(normal)) normal = normalOfLine(e1, e2, shading);
   if (isZero(shading)) shading = normal;
-  if (glm::dot(shading, normal) < 0.0) shading = -shading;
+  const double side = glm::dot(shading, normal) < 0.0 ? -1.0 : 1.0;
+  shading *= side;
+  if (triangle.hasNormals) liftOff(triangle, placement, p, dvec3(w, u, v), normal, side, s);
   s.geometricNormal = vec3(normal);
   s.shadingNormal = vec3(shading);
 
-  s.texCoord =
-      float(w) * triangle.texCoord[0] + u * triangle.texCoord[1] + v * triangle.texCoord[2];
+  const vec3 weights(w, u, v);
+  s.texCoord = weights.x * triangle.texCoord[0] + weights.y * triangle.texCoord[1] +
+               weights.z * triangle.texCoord[2];
   if (triangle.hasTexCoords) tangents(e1, e2, triangle, shading, s);
-  s.color = float(w) * triangle.color[0] + u * triangle.color[1] + v * triangle.color[2];
+  s.color =
+      weights.x * triangle.color[0] + weights.y * triangle.color[1] + weights.z * triangle.color[2];
   s.material = triangle.material;
-  s.object = placement.object >= 0 ? static_cast<std::uint32_t>(placement.object) : triangle.object;
-  s.error = static_cast<float>(placement.error +
-                               placement.relativeError *
-                                   (largestOf(position) + largestOf(e1) + largestOf(e2)));
+  s.object =
+      placement.object != kNone ? static_cast<std::uint32_t>(placement.object) : triangle.object;
   return s;
 }
 

@@ -5,22 +5,25 @@
 
 namespace trex {
 
-/// Where a mesh stands in render space. Made from the matrix as Embree has it (rounded to float),
-/// so that surfaces and hits agree.
+/// Where a mesh stands in render space.
 struct Placement {
-  dmat4 toRender{1.0};
+  dmat4 toRender{1.0}, toMesh{1.0};
   glm::dmat3 normalMatrix{1.0};  ///< to render space, up to a positive factor
+  bool moved = false;            ///< toRender is not the identity
   bool mirrored = false;         ///< counter-clockwise in mesh space is clockwise here
-  double error = 0.0;            ///< metres: quantisation here, and rounding of rays to mesh space
-  double relativeError = 0x1p-20;  ///< of a position's size, for what rays round there
-  int object = -1;                 ///< overrides the triangle's if not negative
+  int object = kNone;            ///< overrides the triangle's unless kNone
+  double slack = 0x1p-49;  ///< mesh units: rounding of a point on its way there, a metre of...
+  double far = 0.0;        ///< ...its largest coordinate and this one, which is the place's
+  double embreeSlack = 0x1p-19;  ///< mesh units: the same by Embree's single precision, which culls
 
-  /// `step` is the mesh's grid in its own units. False if rays cannot be brought to mesh space.
-  static bool make(const dmat4& transform, double step, int object, Placement& out);
+  /// False if rays cannot be brought to mesh space.
+  static bool make(const dmat4& transform, int object, Placement& out);
+  /// A ray in mesh space, with t as in render space. `step` is the mesh's grid, in its own units.
+  hccm::Ray rayToMesh(const RayStart& start, const vec3& direction, float tnear, float tfar,
+                      const RayEnd& end, double step) const;
 };
 
-/// Weights u and v of the second and third corner. Never non-finite, also for triangles without
-/// area.
-Surface makeSurface(const hccm::Triangle& triangle, const Placement& placement, float u, float v);
+/// Never non-finite, also for triangles without area.
+Surface makeSurface(const hccm::Triangle& triangle, const Placement& placement, const RayHit& hit);
 
 }  // namespace trex

@@ -34,11 +34,14 @@ struct Visibility {
   const std::uint8_t* hiddenObjects() const { return hidden.empty() ? nullptr : hidden.data(); }
   bool all() const { return hidden.empty() && !cut; }
   bool shows(std::uint32_t object) const { return object >= hidden.size() || hidden[object] == 0; }
-  bool keeps(const vec3& point) const { return !cut || glm::dot(normal, point) <= offset; }
+  bool keeps(const dvec3& point) const {
+    return !cut || glm::dot(dvec3(normal), point) <= double(offset);
+  }
   /// Shortens a ray to what the plane leaves of it. False if that is nothing.
-  bool clip(const vec3& origin, const vec3& direction, float& tnear, float& tfar) const {
+  bool clip(const dvec3& origin, const vec3& direction, float& tnear, float& tfar) const {
     if (!cut) return true;
-    const float height = glm::dot(normal, origin) - offset, slope = glm::dot(normal, direction);
+    const auto height = static_cast<float>(glm::dot(dvec3(normal), origin) - double(offset));
+    const float slope = glm::dot(normal, direction);
     if (slope == 0.0f) return height <= 0.0f;
     const float t = -height / slope;
     if (slope > 0.0f) {

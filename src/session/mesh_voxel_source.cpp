@@ -56,9 +56,8 @@ MeshVoxelSource::MeshVoxelSource(const RayScene& rays, const Scene& scene,
   world[3] = glm::dvec4(parts.world.gridOrigin(), 1.0);
   add(parts.world, world, kEvery);
   for (const RayScene::Parts::Placed& p : parts.placed) {
-    const Instance& instance = scene.instances[p.instance];
-    const hccm::Mesh& mesh = parts.shared[p.mesh];
-    add(mesh, sharedToRender(scene, instance, mesh, parts.renderOrigin), instance.object);
+    const SharedPlace place = placeOf(scene, parts, p);
+    add(parts.shared[p.mesh], place.toRender, place.object == kNone ? kEvery : place.object);
   }
   if (count() > 0xffffffffu) {
     fail(ExitCode::kMemoryOrDevice, "{}: {} triangles, voxels are built from at most 2^32",

@@ -34,12 +34,13 @@ class EmitterDecoder {
       }
     }
     for (const RayScene::Parts::Placed& p : parts.placed) {
-      const Instance& instance = model_.scene.instances[p.instance];
       const hccm::Mesh& mesh = parts.shared[p.mesh];
-      const dmat4 place = sharedToRender(model_.scene, instance, mesh, origin_);
+      const SharedPlace place = placeOf(model_.scene, parts, p);
       for (std::uint32_t c = 0; c < mesh.clusterCount(); ++c) {
         if (mesh.clusterMaterial(c) == material_) {
-          add(mesh, c, place, static_cast<std::uint32_t>(instance.object));
+          add(mesh, c, place.toRender,
+              place.object == kNone ? mesh.clusterObject(c)
+                                    : static_cast<std::uint32_t>(place.object));
         }
       }
     }

@@ -87,14 +87,14 @@ vec3 voxelView(const asvo::Tree& tree, const vec3& origin, const vec3& direction
 }
 
 /// The cached light at the first surface, W/m^2 over pi: what white paper would send back.
-vec3 photonView(const Session& session, const vec3& origin, const vec3& direction) {
+vec3 photonView(const Session& session, const dvec3& origin, const vec3& direction) {
   const RayScene& rays = session.rays();
   RayHit hit;
   if (!rays.intersect(origin, direction, 0.0f, kInfinity, hit)) return vec3(0.0f);
   const Surface surface = rays.surface(hit);
   const vec3& n = surface.geometricNormal;
   vec3 light;
-  return session.cachedLight(surface.position, glm::dot(n, direction) > 0.0f ? -n : n, light)
+  return session.cachedLight(vec3(surface.position), glm::dot(n, direction) > 0.0f ? -n : n, light)
              ? light * kInvPi
              : vec3(0.0f);
 }
@@ -159,14 +159,15 @@ void inspectCell(const Session& session, const ViewState& state, std::uint32_t c
   tbb::parallel_for(0u, rows, [&](std::uint32_t row) {
     const std::uint32_t y = at.y + row * lattice::kSide;
     for (std::uint32_t x = at.x; x < width; x += lattice::kSide) {
-      vec3 origin, direction;
+      dvec3 origin;
+      vec3 direction;
       session.cameraRays().ray(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, origin,
                                direction);
-      const vec3 value =
-          state.mode == ViewMode::kVoxels
-              ? session.voxels() ? voxelView(*session.voxels(), origin, direction, state.voxelLevel)
-                                 : vec3(0.0f)
-              : photonView(session, origin, direction);
+      const vec3 value = state.mode == ViewMode::kVoxels
+                             ? session.voxels() ? voxelView(*session.voxels(), vec3(origin),
+                                                            direction, state.voxelLevel)
+                                                : vec3(0.0f)
+                             : photonView(session, origin, direction);
       for (std::uint32_t v = y; v < std::min(y + block, height); ++v) {
         for (std::uint32_t u = x; u < std::min(x + block, width); ++u) {
           picture[std::size_t{v} * width + u] = value;

@@ -32,7 +32,8 @@ int Viewer::voxelDepth() const {
 
 std::optional<Pick> Viewer::pick(float x, float y) const {
   if (!impl_->session) return {};
-  vec3 origin, direction;
+  dvec3 origin;
+  vec3 direction;
   impl_->session->cameraRays().ray(x, y, origin, direction);
   const RayScene& rays = impl_->session->rays();
   RayHit hit;
@@ -41,7 +42,7 @@ std::optional<Pick> Viewer::pick(float x, float y) const {
   Pick pick;
   pick.object = surface.object;
   pick.material = surface.material;
-  pick.position = dvec3(surface.position) + rays.renderOrigin();
+  pick.position = surface.position + rays.renderOrigin();
   pick.normal = glm::dot(surface.geometricNormal, direction) > 0.0f ? -surface.geometricNormal
                                                                     : surface.geometricNormal;
   pick.distance = hit.t;

@@ -169,14 +169,15 @@ TEST(Turned, MeansAgree) {
 int stripAt(const CameraRays& camera, std::uint32_t x, std::uint32_t y) {
   int strip = -1;
   for (int corner = 0; corner < 4; ++corner) {
-    vec3 origin, direction;
+    dvec3 origin;
+    vec3 direction;
     camera.ray(static_cast<float>(x + (corner & 1)), static_cast<float>(y + (corner >> 1)), origin,
                direction);
     if (direction.y >= 0.0f) return -1;
-    const vec3 p = origin + direction * ((0.01f - origin.y) / direction.y);
-    const float across = (p.x + 1.9f) / 0.76f;
+    const dvec3 p = origin + dvec3(direction) * ((0.01 - origin.y) / double(direction.y));
+    const auto across = static_cast<float>(p.x + 1.9) / 0.76f;
     const auto number = static_cast<int>(std::floor(across));
-    const bool inside = std::abs(p.x) < 1.9f && p.z > -1.4f && p.z < 1.5f &&
+    const bool inside = std::abs(p.x) < 1.9 && p.z > -1.4 && p.z < 1.5 &&
                         across - static_cast<float>(number) < 0.72f / 0.76f;
     if (!inside || (corner > 0 && number != strip)) return -1;
     strip = number;

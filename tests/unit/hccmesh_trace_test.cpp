@@ -92,9 +92,10 @@ void expectAgrees(const Mesh& mesh, const std::vector<Ray>& rays) {
     if (found) {
       EXPECT_NEAR(hit.t, truth.t, 1e-5 * (1.0 + truth.t));
       const Triangle t = mesh.triangle(hit.cluster, hit.triangle);
-      const glm::vec3 p =
-          t.position[0] * (1.0f - hit.u - hit.v) + t.position[1] * hit.u + t.position[2] * hit.v;
-      EXPECT_LT(glm::length(p - (ray.origin + hit.t * ray.direction)), 1e-4f * (1.0f + hit.t));
+      const glm::dvec3 p = glm::dvec3(t.position[0]) * (1.0 - hit.u - hit.v) +
+                           glm::dvec3(t.position[1]) * hit.u + glm::dvec3(t.position[2]) * hit.v;
+      const glm::dvec3 at = ray.origin + double(hit.t) * glm::dvec3(ray.direction);
+      EXPECT_LT(glm::length(p - at), 1e-4 * (1.0 + double(hit.t)));
     }
   }
   EXPECT_GT(sure, int(rays.size()) * 8 / 10);

@@ -159,7 +159,7 @@ TEST(Lights, SkyPhotonsCarryTheSkysPower) {
     EmittedPhoton p;
     ASSERT_TRUE(lights.emit(sampler, p));
     if (p.direction.y >= 0.0f) continue;
-    const vec3 at = p.origin - p.direction * (p.origin.y / p.direction.y);
+    const vec3 origin(p.start.position), at = origin - p.direction * (origin.y / p.direction.y);
     if (std::abs(at.x) < 0.5f && std::abs(at.z) < 0.5f) through += static_cast<double>(p.power.x);
   }
   EXPECT_NEAR(through / kCount / (2.0 * std::numbers::pi), 1.0, 0.02);
