@@ -154,7 +154,8 @@ Scene import(const BakeArguments& a, std::vector<SourceFile>& files) {
   files = scene.files;
   if (a.environment.empty()) return scene;
   std::error_code error;
-  if (fs::is_regular_file(a.environment, error)) files.push_back(examineSource(a.environment));
+  const std::string file = environmentFile(a.environment);
+  if (fs::is_regular_file(file, error)) files.push_back(examineSource(file));
   scene.environment = parseEnvironment(a.environment);
   return scene;
 }
@@ -279,7 +280,8 @@ void bakeStreamed(const BakeArguments& a) {
   for (const std::string& w : volumes.warnings) logWarning("{}", w);
   if (!a.environment.empty()) {
     std::error_code error;
-    if (fs::is_regular_file(a.environment, error)) files.push_back(examineSource(a.environment));
+    const std::string file = environmentFile(a.environment);
+    if (fs::is_regular_file(file, error)) files.push_back(examineSource(file));
     options.environment = parseEnvironment(a.environment);
   }
   const StreamEstimate estimate = estimateStreamBake(*stream, options, a.output);
@@ -338,7 +340,7 @@ void addBakeCommand(CLI::App& app) {
   c->add_option("--precision", a->precision, "Grid cells along a mesh's largest extent: 2^BITS")
       ->check(CLI::Range(8, 24))
       ->capture_default_str();
-  c->add_option("--env", a->environment, "Environment: R,G,B or a latitude-longitude .hdr or .exr");
+  c->add_option("--env", a->environment, kEnvironmentHelp);
   c->add_option("--volume", a->volumes, kVolumeHelp)->allow_extra_args(false);
   c->add_flag("--no-voxels", a->noVoxels, "Leave voxels out: every sample will be exact");
   c->add_option("--max-memory", a->maxMemory, "Memory this process may use, such as 8G [all]");

@@ -42,13 +42,19 @@ std::string triple(const json& camera, const char* key) {
 Camera readCamera(const json& camera, const Scene& scene) {
   if (camera.is_string()) return parseCamera(camera.get<std::string>(), scene);
   for (const auto& [key, value] : camera.items()) {
-    if (key != "eye" && key != "target" && key != "up" && key != "vfov") {
+    if (key != "eye" && key != "target" && key != "up" && key != "vfov" && key != "fstop" &&
+        key != "focus") {
       throw Error(ExitCode::kInput, fmt::format("unknown key '{}'", key));
     }
   }
   const std::string up = camera.contains("up") ? triple(camera, "up") : "0,1,0";
-  return parseCamera(fmt::format("{}/{}/{}/{}", triple(camera, "eye"), triple(camera, "target"), up,
-                                 camera.value("vfov", 40.0)),
+  std::string lens;
+  for (const char* key : {"fstop", "focus"}) {
+    if (!camera.contains(key)) continue;
+    lens += fmt::format("{}{}={}", lens.empty() ? '?' : '&', key, camera[key].get<double>());
+  }
+  return parseCamera(fmt::format("{}/{}/{}/{}{}", triple(camera, "eye"), triple(camera, "target"),
+                                 up, camera.value("vfov", 40.0), lens),
                      scene);
 }
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <cstdio>
@@ -30,6 +31,7 @@ std::uint64_t jobKey(const RenderArguments& a, const Model& model, const std::ve
   if (model.voxels) text += fmt::format(" {}", model.voxels->info.leafCount);
   // Of pages, cones read those that are there.
   if (s.maxGpuMemory > 0) text += fmt::format(" gpu {}", s.maxGpuMemory);
+  if (s.transparent) text += " transparent";
   if (!a.edits.empty()) text += fmt::format(" {:016x}", hashFile(a.edits));
   for (const std::string& volume : a.volumes) text += ' ' + volume;
   for (const std::string& layer : a.layers) text += ' ' + layer;
@@ -42,7 +44,7 @@ Capture::Capture(const RenderArguments& arguments, std::shared_ptr<const Model> 
     : a_(arguments),
       model_(std::move(model)),
       views_(std::move(views)),
-      layers_(layersFromNames(arguments.layers)),
+      layers_(layersOf(arguments)),
       importSeconds_(importSeconds),
       key_(arguments.checkpoint.empty() ? 0 : jobKey(arguments, *model_, views_)) {}
 
@@ -130,11 +132,18 @@ float exposureOf(const RenderArguments& a, const Picture& picture) {
   return stops;
 }
 
+/// The operator that was asked for.
+static ToneMap toneMapOf(const RenderArguments& a, float exposure) {
+  const auto& names = toneOperatorNames();
+  const auto at = std::find(names.begin(), names.end(), a.tonemap) - names.begin();
+  return {exposure, static_cast<ToneOperator>(at)};
+}
+
 void Capture::save(Session& session, const View& view, bool report) {
   Picture picture = session.picture();
   addMetadata(picture, a_, view, session);
   const float exposure = exposureOf(a_, picture);
-  writePicture(view.output, picture, ToneMap{exposure});
+  writePicture(view.output, picture, toneMapOf(a_, exposure), a_.file);
   if (!report) return;
   const SessionReport r = session.report();
   if (r.nonFinite > 0) {

@@ -25,13 +25,16 @@ struct DiffArguments {
   bool json = false;
 };
 
-bool isPng(const std::string& path) { return path.ends_with(".png") || path.ends_with(".PNG"); }
+/// A picture for the eye, not of radiance.
+bool isDisplayed(const std::filesystem::path& path) {
+  return knownPictureExtension(path) && !isExr(path);
+}
 
 void readOptions(DiffArguments& a) {
   if (a.limit && std::isnan(*a.limit)) fail(ExitCode::kUsage, "--max nan: want a number");
   if (std::isnan(a.options.pixelsPerDegree)) fail(ExitCode::kUsage, "--ppd nan: want a number");
   if (!a.output.empty() && !knownPictureExtension(a.output)) {
-    fail(ExitCode::kUsage, "-o {}: unknown picture format; use .exr or .png", a.output);
+    fail(ExitCode::kUsage, "-o {}: unknown picture format; use .exr, .png or .jpg", a.output);
   }
   if (a.exposure != "auto") {
     char* end = nullptr;
@@ -40,8 +43,8 @@ void readOptions(DiffArguments& a) {
       fail(ExitCode::kUsage, "--exposure {}: want stops or auto", a.exposure);
     }
     a.options.exposure = stops;
-  } else if (isPng(a.b)) {
-    a.options.exposure = 0.0;  // a .png is as it is to be seen
+  } else if (isDisplayed(a.b)) {
+    a.options.exposure = 0.0;  // such a picture is as it is to be seen
   }
   if (!a.output.empty()) checkWritable(a.output);
 }
@@ -55,8 +58,12 @@ double metricOf(const std::string& name, const DiffFigures& f) {
   return f.zTest->leastMeanP;
 }
 
-/// Adds a reason if the figure is on the wrong side of the limit.
+/// Adds a reason if the figure is on the wrong side of the limit; without one, if any value
+/// differs.
 void judge(const DiffArguments& a, ImageDiff& diff) {
+  if (!a.limit && !diff.equalBits && diff.reasons.empty()) {
+    diff.reasons.emplace_back("values differ; --max says how much of --metric may");
+  }
   if (!a.limit || !diff.figures) return;
   if (a.metric == "z" && !diff.figures->zTest) {
     if (!diff.reasons.empty()) return;
@@ -149,7 +156,7 @@ void printTable(const ImageDiff& d) {
   for (const std::string& reason : d.reasons) fmt::print("differ: {}\n", reason);
 }
 
-/// A .png shows the error in the magma colours, an .exr holds it in the channel "flip".
+/// A .png or .jpg shows the error in the magma colours, an .exr holds it in the channel "flip".
 void writeHeatMap(const DiffArguments& a, const ImageDiff& diff) {
   if (!diff.figures) {
     logWarning("{}: not written, the pictures can't be compared pixel by pixel", a.output);
@@ -157,7 +164,7 @@ void writeHeatMap(const DiffArguments& a, const ImageDiff& diff) {
   }
   const auto& map = a.metric == "hdrflip" ? diff.figures->hdrFlipMap : diff.figures->flipMap;
   Picture heat{diff.widthA, diff.heightA, {"flip"}, map, {}};
-  if (isPng(a.output)) {
+  if (isDisplayed(a.output)) {
     heat.channels = {"R", "G", "B"};
     heat.values.clear();
     for (float error : map) {
@@ -188,19 +195,20 @@ ExitCode diff(DiffArguments& a) {
 void addDiffCommand(CLI::App& app, int& exitCode) {
   auto a = std::make_shared<DiffArguments>();
   CLI::App* c = app.add_subcommand("diff", "Compare a picture with a reference");
-  c->add_option("A", a->a, "Picture: .exr .png .hdr")->required();
-  c->add_option("B", a->b, "Reference: .exr .png .hdr")->required();
+  c->add_option("A", a->a, "Picture: .exr .png .jpg .hdr")->required();
+  c->add_option("B", a->b, "Reference: .exr .png .jpg .hdr")->required();
   c->add_option("--max", a->limit,
-                "Largest value of --metric that is no difference; the least one of psnr and z");
+                "Largest value of --metric that is no difference, the least one of psnr and z; "
+                "without it any difference ends in exit code 6");
   c->add_option("--metric", a->metric,
                 "flip, hdrflip, relmse (without the largest 0.1 %), rmse, psnr (dB), or z: the "
                 "p-value of the means' z-test")
       ->check(CLI::IsMember({"flip", "hdrflip", "relmse", "rmse", "psnr", "z"}))
       ->capture_default_str();
   c->add_option("-o,--output", a->output,
-                "The FLIP error of each pixel: .png in colours, .exr as numbers");
+                "The FLIP error of each pixel: .png or .jpg in colours, .exr as numbers");
   c->add_option("--exposure", a->exposure,
-                "Stops for FLIP and PSNR; auto: from the reference, 0 where it is a .png")
+                "Stops for FLIP and PSNR; auto: from the reference, 0 where it is a .png or .jpg")
       ->capture_default_str();
   c->add_option("--ppd", a->options.pixelsPerDegree, "Pixels in a degree of the viewer's sight")
       ->check(CLI::Range(kLeastPixelsPerDegree, kMostPixelsPerDegree))

@@ -261,7 +261,9 @@ void print(const Findings& found) {
   for (const vulkan::DeviceInfo& d : found.devices) print(d, d.index == found.chosen);
   if (found.fatal.empty()) {
     fmt::print("C-rays and --exact 1 work\n{}\n",
-               found.problem.empty() ? "G-rays work" : "G-rays work with --device none alone");
+               found.problem.empty()
+                   ? "G-rays work"
+                   : "G-rays work on the CPU alone: --device auto is --device none");
   }
   for (const std::string& problem : found.problems) fmt::print("problem: {}\n", problem);
 }

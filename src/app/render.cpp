@@ -70,10 +70,7 @@ std::uint64_t cacheFor(const RenderArguments& a, const PagedSizes& paged, const 
 
 int render(RenderArguments& a) {
   readSettings(a);
-  const PictureLayers layers = layersFromNames(a.layers);
-  if (!knownPictureExtension(a.output)) {
-    fail(ExitCode::kUsage, "-o {}: unknown picture format; use .exr or .png", a.output);
-  }
+  const PictureLayers layers = layersOf(a);
   exposureOf(a, Picture{});
   checkWritable(a.output);
   std::optional<tbb::global_control> limit;
@@ -113,6 +110,25 @@ int render(RenderArguments& a) {
   return capture.run();
 }
 
+/// How a picture for the eye is made of radiance.
+void addFileOptions(CLI::App& c, RenderArguments& a) {
+  c.add_option("--exposure", a.exposure, "Exposure of .png and .jpg in stops, or auto")
+      ->capture_default_str();
+  c.add_option("--tonemap", a.tonemap,
+               "Highlights of .png and .jpg: none (cut off), neutral (Khronos PBR Neutral) or agx")
+      ->check(CLI::IsMember(toneOperatorNames()))
+      ->capture_default_str();
+  c.add_flag("--transparent", a.settings.transparent,
+             "No background: the environment lights but is not seen by the camera, and pictures "
+             "get an alpha channel (.exr premultiplied, .png not)");
+  c.add_option("--bits", a.file.bits, "Bits of a value of a .png: 8 or 16")
+      ->check(CLI::IsMember({8, 16}))
+      ->capture_default_str();
+  c.add_option("--quality", a.file.quality, "Of a .jpg, 1 to 100")
+      ->check(CLI::Range(1, 100))
+      ->capture_default_str();
+}
+
 }  // namespace
 
 void addRenderCommand(CLI::App& app, int& exitCode) {
@@ -121,7 +137,7 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
   c->add_option("INPUT", a->input,
                 "Model: .gltf .glb .ply .obj, a baked .trex, or synth:NAME?triangles=N&seed=S")
       ->required();
-  c->add_option("-o,--output", a->output, "Picture: .exr (linear) or .png (tone-mapped)")
+  c->add_option("-o,--output", a->output, "Picture: .exr (linear), .png or .jpg (tone-mapped)")
       ->required();
   c->add_option("--size", a->size, "WxH in pixels")->capture_default_str();
   c->add_option("--spp", a->settings.samples, "Samples a pixel [64 unless --time is given]");
@@ -135,13 +151,12 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
   c->add_option("--camera", a->cameras,
-                "Camera's name, or EYE/TARGET/UP/VFOV: x,y,z/x,y,z/x,y,z/degrees; may be repeated; "
-                "all: every camera of the file")
+                std::string(kCameraHelp) + "; may be repeated; all: every camera of the file")
       ->allow_extra_args(false);
   c->add_option("--path", a->path,
                 "Cameras from a file, one picture each: {\"trex\": 1, \"cameras\": [..]}");
   c->add_option("--edits", a->edits, "Edits saved by the viewer, a JSON overlay on the scene");
-  c->add_option("--env", a->environment, "Environment: R,G,B or a latitude-longitude .hdr or .exr");
+  c->add_option("--env", a->environment, kEnvironmentHelp);
   c->add_option("--volume", a->volumes, kVolumeHelp)->allow_extra_args(false);
   c->add_option("--device", a->device, "Vulkan device of the G-rays: number, auto or none")
       ->capture_default_str();
@@ -149,10 +164,9 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
       ->check(CLI::IsMember({"auto", "ray", "cone"}))
       ->capture_default_str();
   addPhotonBounces(*c, a->settings.photonKind);
-  c->add_option("--exposure", a->exposure, "Exposure of .png in stops, or auto")
-      ->capture_default_str();
+  addFileOptions(*c, *a);
   c->add_option("--aov", a->layers,
-                "Layers of an .exr besides R, G, B: direct,indirect,albedo,normal,position,depth,"
+                "Layers of an .exr besides R, G, B: A,direct,indirect,albedo,normal,position,depth,"
                 "objectId,materialId,sampleCount,variance or all")
       ->delimiter(',');
   c->add_option("--denoise", a->denoise,

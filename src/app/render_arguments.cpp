@@ -44,9 +44,25 @@ void readSettings(RenderArguments& a) {
   if (!a.path.empty() && !a.cameras.empty()) {
     fail(ExitCode::kUsage, "--path and --camera: give one of them");
   }
+  if (!knownPictureExtension(a.output)) {
+    fail(ExitCode::kUsage, "-o {}: unknown picture format; use .exr, .png or .jpg", a.output);
+  }
+  if (s.transparent && isJpeg(a.output)) {
+    fail(ExitCode::kUsage, "-o {}: a .jpg has no alpha for --transparent; use .exr or .png",
+         a.output);
+  }
+  if (a.file.bits == 16 && (isExr(a.output) || isJpeg(a.output))) {
+    fail(ExitCode::kUsage, "-o {}: --bits is of a .png alone", a.output);
+  }
   if (a.resume && a.checkpoint.empty()) {
     fail(ExitCode::kUsage, "--resume: needs --checkpoint FILE to go on from");
   }
+}
+
+PictureLayers layersOf(const RenderArguments& a) {
+  PictureLayers layers = layersFromNames(a.layers);
+  layers.alpha |= a.settings.transparent;
+  return layers;
 }
 
 std::vector<View> makeViews(const RenderArguments& a, const Scene& scene,

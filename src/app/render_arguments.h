@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "src/frame/image_file.h"
+#include "src/frame/layers.h"
 #include "src/scene/look.h"
 #include "src/session/settings.h"
 
@@ -14,6 +16,8 @@ struct RenderArguments {
   std::string input, output;
   std::string size = "640x360", environment, device = "auto", guess = "auto", exposure = "auto",
               denoise = "auto";
+  std::string tonemap = toneOperatorNames()[static_cast<std::size_t>(kDefaultToneOperator)];
+  FileOptions file;
   std::vector<std::string> cameras;  ///< names or EYE/TARGET/UP/VFOV; "all"
   std::string path;                  ///< file of cameras, one a frame
   std::string edits;                 ///< overlay on the scene, as the viewer saves it
@@ -31,6 +35,9 @@ struct RenderArguments {
 
 /// Fills the settings from the texts. Throws Error(kUsage).
 void readSettings(RenderArguments& a);
+
+/// The layers that were asked for, with A if there is no background. Throws Error(kUsage).
+PictureLayers layersOf(const RenderArguments& a);
 
 /// One picture of the job.
 struct View {

@@ -68,6 +68,7 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
       {"nonfinite_samples", r.nonFinite},
       {"estimated_relmse", error < 0.0 ? nlohmann::json() : nlohmann::json(error)},
       {"exposure_stops", exposure},
+      {"tonemap", a.tonemap},
       {"peak_resident_bytes", peakResidentBytes()}};
   if (r.gRays.pages > 0) {
     out["voxel_pages"] = r.gRays.pages;
@@ -103,6 +104,7 @@ void addMetadata(Picture& picture, const RenderArguments& a, const View& view,
   put("guess", guessName(r));
   put("photonBounces", photonName(r));
   put("denoised", filtered(a.settings) ? "yes" : "no");
+  if (a.settings.transparent) put("transparent", "yes");
   put("device", r.device);
   put("nonFiniteSamples", std::to_string(r.nonFinite));
   put("renderOrigin", fmt::format("{},{},{}", origin.x, origin.y, origin.z));

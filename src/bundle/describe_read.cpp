@@ -69,9 +69,10 @@ Image readImage(const JsonObject& o, bool& isFloat) {
 }
 
 Environment readEnvironment(const JsonObject& o) {
-  o.allow({"color", "map"});
+  o.allow({"color", "map", "rotation"});
   Environment environment;
   environment.color = jsonVector(o, "color", 0.0f);
+  if (o.has("rotation")) environment.rotation = o.real("rotation", -1e4f, 1e4f);
   if (!o.has("map")) return environment;
   bool isFloat = false;
   const JsonObject size = o.object("map");

@@ -106,6 +106,7 @@ Json meshes(const Description& d) {
 Json toJson(const Environment& environment) {
   Json out = {{"color", jsonList(environment.color)}};
   if (environment.map) out["map"] = size(*environment.map, true);
+  if (environment.rotation != 0.0f) out["rotation"] = double{environment.rotation};
   return out;
 }
 

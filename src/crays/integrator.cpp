@@ -29,6 +29,8 @@ CameraRays::CameraRays(const Camera& camera, const dvec3& renderOrigin, std::uin
       up_(glm::cross(right_, forward_)),
       width_(static_cast<float>(width)),
       height_(static_cast<float>(height)),
+      lensRadius_(camera.lensRadius()),
+      focus_(camera.focus),
       orthographic_(camera.orthographic) {
   halfHeight_ =
       orthographic_ ? 0.5f * camera.orthographicHeight : std::tan(0.5f * camera.verticalFov);
@@ -40,6 +42,13 @@ void CameraRays::ray(float x, float y, dvec3& origin, vec3& direction) const {
   const float py = (1.0f - 2.0f * y / height_) * halfHeight_;
   origin = orthographic_ ? eye_ + dvec3(right_ * px + up_ * py) : eye_;
   direction = orthographic_ ? forward_ : glm::normalize(forward_ + right_ * px + up_ * py);
+}
+
+void CameraRays::throughLens(vec2 u, dvec3& origin, vec3& direction) const {
+  const float radius = lensRadius_ * std::sqrt(u.x), angle = 2.0f * kPi * u.y;
+  const vec3 offset = radius * (std::cos(angle) * right_ + std::sin(angle) * up_);
+  origin += dvec3(offset);
+  direction = glm::normalize(direction * (focus_ / glm::dot(direction, forward_)) - offset);
 }
 
 /// The state of one path. `coupled`: guess and exact path are still the same.
@@ -92,7 +101,8 @@ struct Integrator::Path {
 };
 
 Integrator::Integrator(const Scene& scene, const RayScene& rays, const LightSet& lights,
-                       const CameraRays& camera, const GuessOptions& guess, std::uint32_t seed)
+                       const CameraRays& camera, const GuessOptions& guess, std::uint32_t seed,
+                       bool background)
     : scene_(scene),
       rays_(rays),
       lights_(lights),
@@ -100,6 +110,7 @@ Integrator::Integrator(const Scene& scene, const RayScene& rays, const LightSet&
       media_(rays.media()),
       guess_(guess),
       seed_(seed),
+      background_(background),
       layers_(scene, rays) {}
 
 PathSample Integrator::sample(std::uint32_t x, std::uint32_t y, std::uint32_t width,
@@ -114,6 +125,9 @@ PathSample Integrator::sample(std::uint32_t x, std::uint32_t y, std::uint32_t wi
   const vec2 jitter = path.sampler.next2D();
   camera_.ray(static_cast<float>(x) + jitter.x, static_cast<float>(y) + jitter.y,
               path.start.position, path.direction);
+  if (camera_.hasLens()) {
+    camera_.throughLens(path.sampler.next2D(), path.start.position, path.direction);
+  }
   while (advance(path) && meet(path)) {
   }
   if (paired) ++counts.exactPaths;
@@ -148,6 +162,10 @@ bool Integrator::advance(Path& path) const {
 
 void Integrator::miss(Path& path) const {
   if (media_ != nullptr) passMedia(path, kInfinity);
+  if (path.bounces == path.layers) {  // nothing but transparent layers and media on the way
+    path.result.alpha = 1.0f - path.throughput.x;
+    if (!background_) return;
+  }
   if (!lights_.hasEnvironment()) return;
   const float weight =
       powerHeuristic(path.density(), lights_.pdfEnvironment(path.vertex, path.aim()));

@@ -7,6 +7,7 @@
 // goes on and adds to `exact`.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -27,17 +28,22 @@ class CameraRays {
              std::uint32_t height);
   /// Ray through image position (x, y) in pixels from the upper left corner.
   void ray(float x, float y, dvec3& origin, vec3& direction) const;
+  bool hasLens() const { return lensRadius_ > 0.0f; }
+  /// Moves such a ray to a place of the lens, u in [0, 1)^2; it still meets the plane of focus at
+  /// the same point.
+  void throughLens(vec2 u, dvec3& origin, vec3& direction) const;
   /// Distance of a point along the viewing direction, metres.
   float depth(const dvec3& point) const { return glm::dot(vec3(point - eye_), forward_); }
-  /// Width of a pixel after `distance` metres, metres.
+  /// Width of a pixel after `distance` metres, metres; of what it mixes where a lens blurs.
   float footprint(float distance) const {
-    return (orthographic_ ? 1.0f : distance) * 2.0f * halfHeight_ / height_;
+    const float sharp = (orthographic_ ? 1.0f : distance) * 2.0f * halfHeight_ / height_;
+    return hasLens() ? sharp + 2.0f * lensRadius_ * std::abs(distance - focus_) / focus_ : sharp;
   }
 
  private:
   dvec3 eye_;
   vec3 forward_, right_, up_;
-  float halfWidth_, halfHeight_, width_, height_;
+  float halfWidth_, halfHeight_, width_, height_, lensRadius_, focus_;
   bool orthographic_;
 };
 
@@ -60,6 +66,9 @@ struct PathSample {
   vec3 direct{0.0f}, directExact{0.0f};  ///< of G (without cones) and of X
   Feature feature;
   FirstHit first;
+  /// 1 where the camera's ray meets a surface, glass included; of a blended or masked one the share
+  /// of samples that it stops. Else the opacity of the media on its way to the background.
+  float alpha = 1.0f;
 };
 
 /// Rays by class, for the report.
@@ -85,8 +94,10 @@ struct GuessOptions {
 /// Immutable; sample() is thread safe.
 class Integrator {
  public:
+  /// `background`: rays of the camera that meet nothing see the environment.
   Integrator(const Scene& scene, const RayScene& rays, const LightSet& lights,
-             const CameraRays& camera, const GuessOptions& guess, std::uint32_t seed);
+             const CameraRays& camera, const GuessOptions& guess, std::uint32_t seed,
+             bool background = true);
 
   /// Traces sample number `sample` of pixel (x, y). `paired` asks for X as well; without a cache X
   /// is all there is and goes to `common`. Cone requests are appended with `pixelTag`.
@@ -124,6 +135,7 @@ class Integrator {
   const Media* media_;  ///< null if there is none
   GuessOptions guess_;
   std::uint32_t seed_;
+  bool background_;
   ClearLayers layers_;
 };
 

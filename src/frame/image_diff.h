@@ -49,7 +49,7 @@ struct ImageDiff {
   bool equalBits = false;  ///< every value of every channel; metadata is not compared
   /// None where sizes differ, colours are missing or a colour is not finite.
   std::optional<DiffFigures> figures;
-  std::vector<std::string> reasons;  ///< hard differences, a sentence each
+  std::vector<std::string> reasons;  ///< no comparison allows for them; a sentence each
 };
 
 struct DiffOptions {

@@ -37,72 +37,113 @@ void writeExr(const fs::path& path, const fs::path& target, const Picture& pictu
   spec.attribute("compression", "zip");
   spec.attribute("DateTime", "1970:01:01 00:00:00");  // equal renders make equal files
   spec.attribute("oiio:ColorSpace", "linear");
+  // Of red, green, blue and white: Rec. 709 and D65.
+  constexpr float kRec709[8] = {0.64f, 0.33f, 0.3f, 0.6f, 0.15f, 0.06f, 0.3127f, 0.329f};
+  spec.attribute("chromaticities", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 8), kRec709);
   for (const auto& [key, value] : picture.metadata) spec.attribute(key, value);
   writeBuffer(path, target, spec, OIIO::TypeDesc::FLOAT, picture.values.data());
 }
 
-void writeBytes(const fs::path& path, const fs::path& target, std::uint32_t width,
-                std::uint32_t height, const std::vector<std::uint8_t>& rgb) {
-  OIIO::ImageSpec spec(static_cast<int>(width), static_cast<int>(height), 3, OIIO::TypeDesc::UINT8);
+/// Values of `type`, sRGB encoded, with alpha if there are four channels.
+void writeDisplayed(const fs::path& path, const fs::path& target, std::uint32_t width,
+                    std::uint32_t height, int channels, OIIO::TypeDesc type, const void* values,
+                    const FileOptions& options) {
+  OIIO::ImageSpec spec(static_cast<int>(width), static_cast<int>(height), channels, type);
   spec.attribute("oiio:ColorSpace", "sRGB");
-  writeBuffer(path, target, spec, OIIO::TypeDesc::UINT8, rgb.data());
+  if (channels == 4) spec.attribute("oiio:UnassociatedAlpha", 1);  // as they come
+  if (isJpeg(target)) {
+    spec.attribute("Compression", "jpeg:" + std::to_string(options.quality));
+    spec.attribute("jpeg:subsampling", "4:4:4");
+  }
+  writeBuffer(path, target, spec, type, values);
 }
 
-void writePng(const fs::path& path, const fs::path& target, const Picture& picture,
-              const ToneMap& toneMap) {
+/// Index of A where it is to be written.
+int alphaChannel(const Picture& picture) {
+  const auto at = std::find(picture.channels.begin(), picture.channels.end(), "A");
+  return picture.premultiplied && at != picture.channels.end()
+             ? static_cast<int>(at - picture.channels.begin())
+             : -1;
+}
+
+/// Tone-mapped values of all pixels, rounded to whole numbers up to `most`.
+template <typename Value>
+std::vector<Value> displayedValues(const Picture& picture, const ToneMap& toneMap, float most) {
   const std::size_t pixels = std::size_t{picture.width} * picture.height;
   const std::size_t stride = picture.channels.size();
-  std::vector<std::uint8_t> bytes(pixels * 3);
+  const int alpha = alphaChannel(picture);
+  const auto rounded = [most](float x) { return static_cast<Value>(std::lround(x * most)); };
+  std::vector<Value> out;
+  out.reserve(pixels * (alpha < 0 ? 3 : 4));
   for (std::size_t i = 0; i < pixels; ++i) {
     const float* v = &picture.values[i * stride];
-    const vec3 mapped = toneMap.apply(vec3(v[0], v[1], v[2]));
-    for (int c = 0; c < 3; ++c) {
-      bytes[i * 3 + static_cast<std::size_t>(c)] =
-          static_cast<std::uint8_t>(std::lround(mapped[c] * 255.0f));
-    }
-  }
-  writeBytes(path, target, picture.width, picture.height, bytes);
-}
-
-}  // namespace
-
-vec3 ToneMap::apply(const vec3& linear) const {
-  const float scale = std::exp2(exposure);
-  vec3 out;
-  for (int c = 0; c < 3; ++c) {
-    const float x = linear[c] * scale;
-    out[c] = encodeSrgb(x >= 0.0f ? std::min(x, 1.0f) : 0.0f);  // NaN becomes 0
+    vec3 color(v[0], v[1], v[2]);
+    const float a = alpha < 0 ? 1.0f : std::clamp(v[alpha], 0.0f, 1.0f);
+    if (a < 1.0f) color = a > 0.0f ? color / a : vec3(0.0f);
+    const vec3 mapped = toneMap.apply(color);
+    for (int c = 0; c < 3; ++c) out.push_back(rounded(mapped[c]));
+    if (alpha >= 0) out.push_back(rounded(a));
   }
   return out;
 }
 
+void writeToneMapped(const fs::path& path, const fs::path& target, const Picture& picture,
+                     const ToneMap& toneMap, const FileOptions& options) {
+  const int channels = alphaChannel(picture) < 0 ? 3 : 4;
+  const auto write = [&](OIIO::TypeDesc type, const void* values) {
+    writeDisplayed(path, target, picture.width, picture.height, channels, type, values, options);
+  };
+  if (options.bits == 16) {
+    const auto values = displayedValues<std::uint16_t>(picture, toneMap, 65535.0f);
+    write(OIIO::TypeDesc::UINT16, values.data());
+  } else {
+    const auto values = displayedValues<std::uint8_t>(picture, toneMap, 255.0f);
+    write(OIIO::TypeDesc::UINT8, values.data());
+  }
+}
+
+}  // namespace
+
 float autoExposure(const Picture& picture) {
   const std::size_t pixels = std::size_t{picture.width} * picture.height;
   const std::size_t stride = picture.channels.size();
-  std::vector<float> means(pixels);
+  const int alpha = alphaChannel(picture);
+  std::vector<float> means;
+  means.reserve(pixels);
   for (std::size_t i = 0; i < pixels; ++i) {
     const float* v = &picture.values[i * stride];
-    means[i] = (v[0] + v[1] + v[2]) / 3.0f;
+    const float a = alpha < 0 ? 1.0f : v[alpha];
+    if (a > 0.0f) means.push_back((v[0] + v[1] + v[2]) / (3.0f * a));
   }
   if (means.empty()) return 0.0f;
-  const auto at = means.begin() + static_cast<std::ptrdiff_t>(0.7 * double(pixels - 1));
+  const auto at = means.begin() + static_cast<std::ptrdiff_t>(0.7 * double(means.size() - 1));
   std::nth_element(means.begin(), at, means.end());
   return *at > 0.0f && std::isfinite(*at) ? std::log2(0.5f / *at) : 0.0f;
 }
 
-bool knownPictureExtension(const fs::path& path) {
-  const std::string extension = lowerExtension(path);
-  return extension == ".exr" || extension == ".png";
+bool isJpeg(const fs::path& path) {
+  return lowerExtension(path) == ".jpg" || lowerExtension(path) == ".jpeg";
 }
 
-void writePicture(const fs::path& path, const Picture& picture, const ToneMap& toneMap) {
+bool isExr(const fs::path& path) { return lowerExtension(path) == ".exr"; }
+
+bool knownPictureExtension(const fs::path& path) {
+  return isExr(path) || lowerExtension(path) == ".png" || isJpeg(path);
+}
+
+void writePicture(const fs::path& path, const Picture& picture, const ToneMap& toneMap,
+                  const FileOptions& options) {
+  if (!knownPictureExtension(path)) {
+    fail(ExitCode::kUsage, "{}: unknown picture format; use .exr, .png or .jpg", path.string());
+  }
+  if (isJpeg(path) && alphaChannel(picture) >= 0) {
+    fail(ExitCode::kUsage, "{}: a .jpg has no alpha; use .exr or .png", path.string());
+  }
   writeAtomically(path, [&](const fs::path& temporary) {
-    if (lowerExtension(path) == ".exr") {
+    if (isExr(path)) {
       writeExr(temporary, path, picture);
-    } else if (lowerExtension(path) == ".png") {
-      writePng(temporary, path, picture, toneMap);
     } else {
-      fail(ExitCode::kUsage, "{}: unknown picture format; use .exr or .png", path.string());
+      writeToneMapped(temporary, path, picture, toneMap, options);
     }
   });
 }
@@ -115,8 +156,9 @@ void writeScreen(const fs::path& path, std::uint32_t width, std::uint32_t height
     rgb.insert(rgb.end(), rgba.begin() + static_cast<std::ptrdiff_t>(i),
                rgba.begin() + static_cast<std::ptrdiff_t>(i) + 3);
   }
-  writeAtomically(
-      path, [&](const fs::path& temporary) { writeBytes(temporary, path, width, height, rgb); });
+  writeAtomically(path, [&](const fs::path& temporary) {
+    writeDisplayed(temporary, path, width, height, 3, OIIO::TypeDesc::UINT8, rgb.data(), {});
+  });
 }
 
 }  // namespace trex

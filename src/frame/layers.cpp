@@ -15,11 +15,17 @@ struct Row {
 };
 
 constexpr Row kRows[] = {
-    {"direct", &PictureLayers::direct, 3},           {"indirect", &PictureLayers::indirect, 3},
-    {"albedo", &PictureLayers::albedo, 3},           {"normal", &PictureLayers::normal, 3},
-    {"position", &PictureLayers::position, 3},       {"depth", &PictureLayers::depth, 1},
-    {"objectId", &PictureLayers::objectId, 1},       {"materialId", &PictureLayers::materialId, 1},
-    {"sampleCount", &PictureLayers::sampleCount, 1}, {"variance", &PictureLayers::variance, 3},
+    {"A", &PictureLayers::alpha, 1},
+    {"direct", &PictureLayers::direct, 3},
+    {"indirect", &PictureLayers::indirect, 3},
+    {"albedo", &PictureLayers::albedo, 3},
+    {"normal", &PictureLayers::normal, 3},
+    {"position", &PictureLayers::position, 3},
+    {"depth", &PictureLayers::depth, 1},
+    {"objectId", &PictureLayers::objectId, 1},
+    {"materialId", &PictureLayers::materialId, 1},
+    {"sampleCount", &PictureLayers::sampleCount, 1},
+    {"variance", &PictureLayers::variance, 3},
 };
 
 }  // namespace

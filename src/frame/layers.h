@@ -15,6 +15,7 @@ namespace trex {
 /// The layers that are wanted. Directions and places are in render space: world axes, metres from
 /// the scene's render origin.
 struct PictureLayers {
+  bool alpha = false;       ///< A: share of the pixel that something covers (PathSample::alpha)
   bool direct = false;      ///< direct.R .G .B: light scattered at most once; mirrors don't count
   bool indirect = false;    ///< indirect.R .G .B: the rest; direct + indirect = the unfiltered mean
   bool albedo = false;      ///< albedo.R .G .B: of the first surface that is no mirror or glass
@@ -69,6 +70,32 @@ class DirectImage {
   struct Pixel {
     dvec3 guess{0.0}, difference{0.0};
     double count = 0.0, pairs = 0.0;
+  };
+  std::uint32_t width_;
+  std::vector<Pixel> pixels_;
+};
+
+/// Share of each pixel that something covers.
+class CoverageImage {
+ public:
+  CoverageImage(std::uint32_t width, std::uint32_t height)
+      : width_(width), pixels_(std::size_t{width} * height) {}
+  void add(std::uint32_t x, std::uint32_t y, float alpha) {
+    Pixel& p = pixels_[std::size_t{y} * width_ + x];
+    p.sum += alpha;
+    p.count += 1.0;
+  }
+  float mean(std::uint32_t x, std::uint32_t y) const {
+    const Pixel& p = pixels_[std::size_t{y} * width_ + x];
+    return p.count > 0.0 ? static_cast<float>(p.sum / p.count) : 0.0f;
+  }
+  void restart(std::uint32_t x, std::uint32_t y) { pixels_[std::size_t{y} * width_ + x] = {}; }
+  static constexpr std::uint64_t kBytesAPixel = 2 * sizeof(double);
+  std::span<std::byte> bytes() { return std::as_writable_bytes(std::span(pixels_)); }
+
+ private:
+  struct Pixel {
+    double sum = 0.0, count = 0.0;
   };
   std::uint32_t width_;
   std::vector<Pixel> pixels_;

@@ -31,8 +31,9 @@ const char* formatOf(const fs::path& path) {
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   if (extension == ".exr") return "openexr";
   if (extension == ".png") return "png";
+  if (extension == ".jpg" || extension == ".jpeg") return "jpeg";
   if (extension == ".hdr") return "hdr";
-  fail(ExitCode::kInput, "{}: unknown picture format; use .exr, .png or .hdr", path.string());
+  fail(ExitCode::kInput, "{}: unknown picture format; use .exr, .png, .jpg or .hdr", path.string());
 }
 
 void checkFile(const fs::path& path) {

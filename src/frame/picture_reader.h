@@ -7,9 +7,9 @@
 
 namespace trex {
 
-/// Reads the first image of an .exr, .png or .hdr file, all channels as linear floats with the
-/// names the file gives them; a single grey channel becomes R, G and B. Colours of a .png are
-/// decoded from sRGB. Metadata whose key starts with "trex:" is kept, as text.
+/// Reads the first image of an .exr, .png, .jpg or .hdr file, all channels as linear floats with
+/// the names the file gives them; a single grey channel becomes R, G and B. Colours of a .png or
+/// .jpg are decoded from sRGB. Metadata whose key starts with "trex:" is kept, as text.
 ///
 /// The file may be hostile: sizes are checked before anything is allocated, and memory is taken
 /// only as rows really come. Throws Error(kInput) naming the file if it is missing, of another

@@ -1,9 +1,11 @@
 #include <array>
+#include <atomic>
 #include <type_traits>
 
 #include "src/core/error.h"
 #include "src/core/log.h"
 #include "src/grays/grays.h"
+#include "src/vulkan/vulkan.h"
 
 namespace trex {
 
@@ -120,7 +122,31 @@ class FallbackTracer final : public GRayTracer {
   bool replaced_ = false;
 };
 
+bool startsADevice() {
+  try {
+    const vulkan::Device device({});
+    return true;
+  } catch (const Error&) {
+    return false;
+  }
+}
+
 }  // namespace
+
+std::unique_ptr<GRayTracer> makeAutoTracer(const asvo::Tree& tree,
+                                           std::span<const shaderio::PhotonMaterial> materials,
+                                           const VulkanLimits& limits) {
+  try {
+    return makeFallbackTracer(makeVulkanTracer(tree, materials, -1, limits));
+  } catch (const Error& error) {
+    if (error.code() != ExitCode::kMemoryOrDevice || startsADevice()) throw;
+    static std::atomic<bool> said = false;
+    if (!said.exchange(true)) {
+      logWarning("{}; G-rays are the C++ tracer's, as `--device auto` allows", error.what());
+    }
+    return makeCpuTracer(tree, materials);
+  }
+}
 
 std::unique_ptr<GRayTracer> makeFallbackTracer(std::unique_ptr<GRayTracer> device) {
   return std::make_unique<FallbackTracer>(std::move(device));

@@ -98,6 +98,13 @@ std::unique_ptr<GRayTracer> makeVulkanTracer(const asvo::Tree& tree,
                                              std::span<const shaderio::PhotonMaterial> materials,
                                              int device, const VulkanLimits& limits = {});
 
+/// What `--device auto` asks for: the best device, with makeFallbackTracer() around it. Where none
+/// can be started it is the C++ tracer, and one warning a process says why. Throws
+/// Error(kMemoryOrDevice) if there is a device but not what the tree needs of it.
+std::unique_ptr<GRayTracer> makeAutoTracer(const asvo::Tree& tree,
+                                           std::span<const shaderio::PhotonMaterial> materials,
+                                           const VulkanLimits& limits = {});
+
 /// Takes a device's tracer and, should the device fail later, goes on with the C++ tracer: one
 /// warning, open batches are traced anew, nothing is thrown. Light is the last one resolved until
 /// the next resolveLight(); where that call itself lost the flux it returns false, and fluxLosses()

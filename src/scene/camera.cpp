@@ -2,11 +2,13 @@
 #include <fmt/format.h>
 
 #include <charconv>
+#include <cmath>
 #include <optional>
 #include <string_view>
 
 #include "src/core/error.h"
 #include "src/scene/import.h"
+#include "src/scene/input_file.h"
 
 namespace trex {
 namespace {
@@ -63,9 +65,8 @@ Camera lookAt(const dvec3& eye, const dvec3& target, const dvec3& up) {
   return camera;
 }
 
-}  // namespace
-
-Camera parseCamera(const std::string& text, const Scene& scene) {
+/// The scene's camera of that name, or one at EYE/TARGET/UP/VFOV.
+Camera parsePinhole(const std::string& text, const Scene& scene) {
   for (const Camera& camera : scene.cameras) {
     if (camera.name == text) return camera;
   }
@@ -101,11 +102,50 @@ Camera parseCamera(const std::string& text, const Scene& scene) {
   return camera;
 }
 
+void readLens(const std::string& text, const std::string& options, Camera& camera) {
+  const auto set = [&](const std::string& key, std::span<const double> numbers) -> std::string {
+    const double value = numbers.size() == 1 ? numbers[0] : std::nan("");
+    if (key == "fstop") {
+      if (!(value >= 1e-3 && value <= 1e6)) return "fstop must be a number in [0.001, 1e6]";
+      camera.fstop = static_cast<float>(value);
+    } else if (key == "focus") {
+      if (!(value >= 1e-6 && value <= 1e18)) return "focus must be metres in [1e-6, 1e18]";
+      camera.focus = static_cast<float>(value);
+    } else {
+      return "unknown option '" + key + "'; there are fstop and focus";
+    }
+    return {};
+  };
+  std::string problem = detail::parseOptions(options, set);
+  if (problem.empty() && camera.orthographic) problem = "an orthographic camera has no lens";
+  if (problem.empty() && !(camera.fstop > 0.0f && camera.focus > 0.0f)) {
+    problem = "a lens needs fstop and focus";
+  }
+  if (!problem.empty()) {
+    fail(ExitCode::kUsage, "camera '{}': {}; want CAMERA?fstop=N&focus=METRES", text, problem);
+  }
+}
+
+}  // namespace
+
+Camera parseCamera(const std::string& text, const Scene& scene) {
+  for (const Camera& camera : scene.cameras) {
+    if (camera.name == text) return camera;
+  }
+  const std::size_t question = text.rfind('?');
+  Camera camera = parsePinhole(text.substr(0, question), scene);
+  if (question != std::string::npos) readLens(text, text.substr(question + 1), camera);
+  return camera;
+}
+
 std::string cameraText(const Camera& camera) {
   if (camera.orthographic) return camera.name;
   const dvec3 target = camera.eye + dvec3(camera.forward);
-  return fmt::format("{}/{}/{}/{}", tripleText(camera.eye), tripleText(target),
-                     tripleText(dvec3(camera.up)), glm::degrees(camera.verticalFov));
+  const std::string text =
+      fmt::format("{}/{}/{}/{}", tripleText(camera.eye), tripleText(target),
+                  tripleText(dvec3(camera.up)), glm::degrees(camera.verticalFov));
+  return camera.fstop > 0.0f ? fmt::format("{}?fstop={}&focus={}", text, camera.fstop, camera.focus)
+                             : text;
 }
 
 Camera framingCamera(const Box3d& bounds) {

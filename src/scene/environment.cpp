@@ -4,6 +4,7 @@
 #include "src/core/log.h"
 #include "src/scene/image_io.h"
 #include "src/scene/import_detail.h"
+#include "src/scene/input_file.h"
 
 namespace trex {
 namespace {
@@ -14,6 +15,10 @@ constexpr int kMaxEnvironmentWidth = 32768;
 bool looksLikeNumbers(const std::string& text) {
   return text.find_first_not_of("0123456789+-.eE, ") == std::string::npos ||
          text.find("nan") == 0 || text.find("inf") == 0;
+}
+
+[[noreturn]] void badEnvironment(const std::string& text, const std::string& what) {
+  fail(ExitCode::kUsage, "--env {}: {}; want R,G,B or FILE?rotate=DEGREES&strength=S", text, what);
 }
 
 vec3 parseColor(const std::string& text) {
@@ -28,10 +33,26 @@ vec3 parseColor(const std::string& text) {
            (i == 2 ? next == end : next < end && *next == ',');
     at = i == 2 ? next : next + 1;
   }
-  if (!good) {
-    fail(ExitCode::kUsage, "environment '{}': R,G,B must be three numbers of at least 0", text);
-  }
+  if (!good) badEnvironment(text, "R,G,B must be three numbers of at least 0");
   return color;
+}
+
+void readOptions(const std::string& text, const std::string& options, Environment& environment) {
+  const auto set = [&](const std::string& key, std::span<const double> numbers) -> std::string {
+    const double value = numbers.size() == 1 ? numbers[0] : std::nan("");
+    if (key == "rotate") {
+      if (!(std::abs(value) <= 1e5)) return "rotate must be a number of degrees within 1e5";
+      environment.rotation = static_cast<float>(glm::radians(value));
+    } else if (key == "strength") {
+      if (!(value >= 0.0 && value <= 1e12)) return "strength must be a number in [0, 1e12]";
+      environment.color = vec3(static_cast<float>(value));
+    } else {
+      return "unknown option '" + key + "'; there are rotate and strength";
+    }
+    return {};
+  };
+  const std::string problem = detail::parseOptions(options, set);
+  if (!problem.empty()) badEnvironment(text, problem);
 }
 
 /// A texel that is not a radiance would poison importance sampling of the whole map.
@@ -50,25 +71,30 @@ void sanitise(Image& image) {
 }  // namespace
 
 Environment parseEnvironment(const std::string& text) {
+  const std::string file = environmentFile(text);
   std::error_code error;
-  const auto status = std::filesystem::status(text, error);
+  const auto status = std::filesystem::status(file, error);
   Environment environment;
-  if (!std::filesystem::exists(status) && looksLikeNumbers(text)) {
+  if (!std::filesystem::exists(status) && looksLikeNumbers(file)) {
+    if (file != text) badEnvironment(text, "rotate and strength are of a file alone");
     environment.color = parseColor(text);
     return environment;
   }
+  environment.color = vec3(1.0f);
+  if (file != text) readOptions(text, text.substr(file.size() + 1), environment);
   if (!std::filesystem::exists(status)) {
-    fail(ExitCode::kInput, "{}: no such environment file (R,G,B is also possible)", text);
+    fail(ExitCode::kInput, "{}: no such environment file (R,G,B is also possible)", file);
   }
   if (!std::filesystem::is_regular_file(status)) {
-    fail(ExitCode::kInput, "{}: the environment is not a plain file", text);
+    fail(ExitCode::kInput, "{}: the environment is not a plain file", file);
   }
-  auto image = std::make_shared<Image>(detail::readFloatImage(text, kMaxEnvironmentWidth));
+  auto image = std::make_shared<Image>(detail::readFloatImage(file, kMaxEnvironmentWidth));
   sanitise(*image);
-  environment.color = vec3(1.0f);
   environment.map = std::move(image);
   return environment;
 }
+
+std::string environmentFile(const std::string& text) { return text.substr(0, text.rfind('?')); }
 
 Environment softSky() {
   constexpr int kWidth = 64, kHeight = 32;

@@ -2,13 +2,17 @@
 
 #include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
+#include <OpenImageIO/strutil.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cstring>
 #include <fstream>
 #include <mutex>
 #include <string_view>
 
+#include "src/core/log.h"
 #include "src/scene/import_detail.h"
 
 namespace trex::detail {
@@ -47,11 +51,65 @@ void checkSize(const OIIO::ImageSpec& spec, const std::string& name, std::int64_
   }
 }
 
-/// Reads the first `channels` channels. A short or corrupt file is an error.
-void readPixels(OIIO::ImageInput& input, Image& image, OIIO::TypeDesc type, void* target) {
-  if (!input.read_image(0, 0, 0, image.channels, type, target)) {
+/// Where the colours of a file are: one of its parts, and their first channel there.
+struct Colors {
+  int part = 0, channel = 0;
+  std::string layer;  ///< "ViewLayer.Combined", or empty
+  int channels = 3;   ///< 1: grey
+};
+
+/// Reads `channels` channels. A short or corrupt file is an error.
+void readPixels(OIIO::ImageInput& input, Image& image, OIIO::TypeDesc type, void* target,
+                const Colors& at = {}) {
+  const int end = at.channel + image.channels;
+  if (!input.read_image(at.part, 0, at.channel, end, type, target)) {
     fail(ExitCode::kInput, "{}: broken image: {}", image.name, oneLine(input.geterror()));
   }
+}
+
+/// All runs of three channels named R, G, B, with the name of a layer before them or without.
+std::vector<Colors> findColors(OIIO::ImageInput& input) {
+  std::vector<Colors> found;
+  for (int part = 0; input.seek_subimage(part, 0); ++part) {
+    const std::vector<std::string> names = input.spec(part).channelnames;
+    for (std::size_t c = 0; c + 2 < names.size(); ++c) {
+      if (names[c].empty() || std::toupper(static_cast<unsigned char>(names[c].back())) != 'R') {
+        continue;
+      }
+      const std::string layer = names[c].substr(0, names[c].size() - 1);
+      if (!layer.empty() && layer.back() != '.') continue;
+      const bool run = OIIO::Strutil::iequals(names[c + 1], layer + "G") &&
+                       OIIO::Strutil::iequals(names[c + 2], layer + "B");
+      if (run) found.push_back({part, static_cast<int>(c), layer.substr(0, layer.rfind('.'))});
+    }
+  }
+  return found;
+}
+
+/// The picture itself before any layer; of layers the one with all light, or else the first.
+Colors chooseColors(OIIO::ImageInput& input, const std::string& name) {
+  const std::vector<Colors> found = findColors(input);
+  if (found.empty()) {
+    const std::vector<std::string> names = input.spec(0).channelnames;
+    if (names.size() == 1 && (names[0] == "Y" || names[0] == "I")) return {0, 0, {}, 1};
+    fail(ExitCode::kInput, "{}: no channels R, G, B in any part of it; its first has {}", name,
+         fmt::join(names, ", "));
+  }
+  const auto best = [&](const auto& wanted) {
+    return std::find_if(found.begin(), found.end(), wanted);
+  };
+  auto at = best([](const Colors& c) { return c.layer.empty(); });
+  if (at != found.end()) return *at;
+  at = best([](const Colors& c) {
+    return OIIO::Strutil::iends_with(c.layer, "combined") ||
+           OIIO::Strutil::iends_with(c.layer, "beauty");
+  });
+  if (at != found.end()) return *at;
+  if (found.size() > 1) {
+    logWarning("{}: has {} layers of colours, of which '{}' is taken", name, found.size(),
+               found.front().layer);
+  }
+  return found.front();
 }
 
 void sanitiseFloats(Image& image) {
@@ -133,16 +191,22 @@ Image readFloatImage(const std::filesystem::path& path, int maxWidth) {
     fail(ExitCode::kInput, "{}: not an image that can be decoded: {}", name,
          oneLine(OIIO::geterror()));
   }
+  const Colors at = chooseColors(*input, name);
+  input->seek_subimage(at.part, 0);
   const OIIO::ImageSpec& spec = input->spec();
   checkSize(spec, name, maxWidth);
+  if (spec.x != spec.full_x || spec.y != spec.full_y || spec.width != spec.full_width ||
+      spec.height != spec.full_height) {
+    fail(ExitCode::kInput, "{}: its data and display windows differ; write it uncropped", name);
+  }
   Image image;
   image.name = name;
   image.width = spec.width;
   image.height = spec.height;
-  image.channels = spec.nchannels >= 3 ? 3 : 1;
+  image.channels = at.channels;
   const std::size_t texels = std::size_t(spec.width) * spec.height;
   image.floats.resize(texels * image.channels);
-  readPixels(*input, image, OIIO::TypeDesc::FLOAT, image.floats.data());
+  readPixels(*input, image, OIIO::TypeDesc::FLOAT, image.floats.data(), at);
   if (image.channels == 1) {
     std::vector<float> rgb(texels * 3);
     for (std::size_t i = 0; i < texels * 3; ++i) rgb[i] = image.floats[i / 3];

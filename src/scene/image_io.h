@@ -24,8 +24,9 @@ std::vector<std::uint8_t> readWholeFile(const std::filesystem::path& path, const
 /// Throws Error(kInput) that starts with `name`. Thread safe: one image is decoded at a time.
 Image decodeImage(std::span<const std::uint8_t> file, const std::string& name, bool srgb);
 
-/// As above for a file on disk, read as floats with three channels; for environments.
-/// `maxWidth` limits both sides.
+/// As above for a file on disk, read as floats with three channels; for environments. Of several
+/// parts or layers it takes the first R, G, B that belong to no layer, or else those of a layer
+/// `Combined` or `beauty`, or else the first layer's. `maxWidth` limits both sides.
 Image readFloatImage(const std::filesystem::path& path, int maxWidth);
 
 }  // namespace trex::detail

@@ -47,20 +47,42 @@ bool hasLight(const Scene& scene);
 /// environmentGiven) and a framing camera if there is none. For scenes made without a file.
 void addDefaultLightAndCamera(Scene& scene, bool environmentGiven);
 
+/// Of --env, for --help.
+inline constexpr const char* kEnvironmentHelp =
+    "Environment: R,G,B, or a latitude-longitude .hdr or .exr: FILE or "
+    "FILE?rotate=DEGREES&strength=S"
+    "; its centre lies at -z, what is right of it towards +x; rotate turns it counter-clockwise as "
+    "seen from above";
+
 /// Parses "R,G,B" (radiance, W/sr/m^2, not negative) or a file name (latitude-longitude .hdr or
-/// .exr, at most 32768 wide) into an environment. Non-finite and negative texels become 0 with a
-/// warning. Throws Error(kUsage) for a malformed triple, Error(kInput) for a bad file.
+/// .exr, at most 32768 wide) into an environment; the file may be followed by
+/// "?rotate=DEGREES&strength=S", either or both. The map's top is +y, its centre lies at -z, where
+/// a camera of glTF looks that is not turned, and what is right of the centre towards +x; it is
+/// rotated about +y, counter-clockwise as seen from above, and multiplied by the strength.
+/// Non-finite and negative texels become 0 with a warning. Throws Error(kUsage) for a malformed
+/// triple or option, Error(kInput) for a bad file.
 Environment parseEnvironment(const std::string& text);
+
+/// The file of such a text, without options; R,G,B as it is.
+std::string environmentFile(const std::string& text);
 
 /// The sky of models that bring no light: bright above, dim below, with a broad glow from the upper
 /// right of glTF's front, so that shapes show.
 Environment softSky();
 
+/// Of --camera, for --help.
+inline constexpr const char* kCameraHelp =
+    "Camera's name, or EYE/TARGET/UP/VFOV: x,y,z/x,y,z/x,y,z/degrees; with ?fstop=N&focus=METRES "
+    "it "
+    "has a lens before a sensor 24 mm high";
+
 /// Parses "NAME" (a camera of the scene) or "EYE/TARGET/UP/VFOV": three comma-separated triples in
-/// metres and the vertical field of view in degrees, in (0, 180). Throws Error(kUsage).
+/// metres and the vertical field of view in degrees, in (0, 180). Either may be followed by
+/// "?fstop=N&focus=METRES" for a thin lens, see Camera::fstop. Throws Error(kUsage).
 Camera parseCamera(const std::string& text, const Scene& scene);
 
-/// A camera as EYE/TARGET/UP/VFOV, which parseCamera() reads back; its name if it is orthographic.
+/// A camera as EYE/TARGET/UP/VFOV, with its lens, which parseCamera() reads back; its name if it is
+/// orthographic.
 std::string cameraText(const Camera& camera);
 
 /// A camera that sees the whole box from the front (+z), slightly above.

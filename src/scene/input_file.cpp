@@ -97,6 +97,28 @@ bool parseDouble(std::string_view word, double& value) {
   return error == std::errc();
 }
 
+std::string parseOptions(std::string_view text, const SetOption& set) {
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find('&'), text.size());
+    const std::string_view part = text.substr(0, end);
+    text = end < text.size() ? text.substr(end + 1) : std::string_view();
+    const std::size_t equals = part.find('=');
+    if (equals == part.npos) return "'" + std::string(part) + "' has no value";
+    std::vector<double> numbers;
+    for (std::string_view list = part.substr(equals + 1);;) {
+      const std::string_view word = list.substr(0, list.find(','));
+      double number = 0.0;
+      if (!parseDouble(word, number)) return "'" + std::string(word) + "' is no number";
+      numbers.push_back(number);
+      if (word.size() == list.size()) break;
+      list = list.substr(word.size() + 1);
+    }
+    const std::string problem = set(std::string(part.substr(0, equals)), numbers);
+    if (!problem.empty()) return problem;
+  }
+  return {};
+}
+
 bool parseInteger(std::string_view word, std::int64_t& value) {
   if (!word.empty() && word.front() == '+') word.remove_prefix(1);
   const char* end = word.data() + word.size();

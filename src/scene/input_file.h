@@ -4,7 +4,9 @@
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
+#include <functional>
 #include <memory>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -57,5 +59,12 @@ std::string_view nextWord(std::string_view& text);
 /// Parses a whole word as a number ("nan" and "inf" included). False if it is none.
 bool parseDouble(std::string_view word, double& value);
 bool parseInteger(std::string_view word, std::int64_t& value);
+
+/// Takes a key with its numbers; returns what is wrong with them, or nothing.
+using SetOption =
+    std::function<std::string(const std::string& key, std::span<const double> numbers)>;
+/// Parses "key=value&key=value,value", what follows the question mark of --volume, --env and
+/// --camera. Returns the first thing that is wrong, or nothing.
+std::string parseOptions(std::string_view text, const SetOption& set);
 
 }  // namespace trex::detail

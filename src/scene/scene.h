@@ -7,6 +7,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -108,14 +109,26 @@ struct Light {
   bool operator==(const Light&) const = default;
 };
 
-/// A pinhole camera. World to image: right, up, -forward as in glTF.
+/// A pinhole camera, or one with a thin lens. World to image: right, up, -forward as in glTF.
 struct Camera {
+  /// Height of the sensor that an f-number counts on, metres: that of a full frame. The focal
+  /// length is the one that gives the field of view with it: kSensorHeight / (2 tan(verticalFov /
+  /// 2)).
+  static constexpr float kSensorHeight = 0.024f;
+
   std::string name;
   dvec3 eye{0.0};
   vec3 forward{0.0f, 0.0f, -1.0f}, up{0.0f, 1.0f, 0.0f};  ///< orthonormal
   float verticalFov = 0.7f;                               ///< radians
   bool orthographic = false;
   float orthographicHeight = 1.0f;  ///< metres, whole height
+  float fstop = 0.0f;  ///< focal length over the lens's diameter; 0: a pinhole, all is sharp
+  float focus = 0.0f;  ///< with a lens: metres along `forward` to the plane that is sharp
+  /// Of the lens, metres; 0 of a pinhole.
+  float lensRadius() const {
+    if (!(fstop > 0.0f) || orthographic) return 0.0f;
+    return kSensorHeight / (4.0f * std::tan(0.5f * verticalFov) * fstop);
+  }
   bool operator==(const Camera&) const = default;
 };
 

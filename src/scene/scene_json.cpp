@@ -69,13 +69,18 @@ OrderedJson lightJson(const Light& l) {
 }
 
 OrderedJson cameraJson(const Camera& c) {
-  return {{"name", c.name},
-          {"eye", jsonList(c.eye)},
-          {"forward", jsonList(c.forward)},
-          {"up", jsonList(c.up)},
-          {"vertical_fov_radians", c.verticalFov},
-          {"orthographic", c.orthographic},
-          {"orthographic_height_metres", c.orthographicHeight}};
+  OrderedJson out = {{"name", c.name},
+                     {"eye", jsonList(c.eye)},
+                     {"forward", jsonList(c.forward)},
+                     {"up", jsonList(c.up)},
+                     {"vertical_fov_radians", c.verticalFov},
+                     {"orthographic", c.orthographic},
+                     {"orthographic_height_metres", c.orthographicHeight}};
+  if (c.fstop > 0.0f) {
+    out["fstop"] = double{c.fstop};
+    out["focus_metres"] = double{c.focus};
+  }
+  return out;
 }
 
 const std::vector<const char*>& materialKeys() {
@@ -147,7 +152,7 @@ Light readLightJson(const JsonObject& o) {
 
 Camera readCameraJson(const JsonObject& o) {
   o.allow({"name", "eye", "forward", "up", "vertical_fov_radians", "orthographic",
-           "orthographic_height_metres"});
+           "orthographic_height_metres", "fstop", "focus_metres"});
   Camera c;
   c.name = o.text("name");
   o.numbers("eye", &c.eye[0], 3);
@@ -157,6 +162,10 @@ Camera readCameraJson(const JsonObject& o) {
   c.verticalFov = o.real("vertical_fov_radians", kLeast, 3.1415925f);
   c.orthographic = o.boolean("orthographic");
   c.orthographicHeight = o.real("orthographic_height_metres", kLeast);
+  if (o.has("fstop")) {
+    c.fstop = o.real("fstop", kLeast);
+    c.focus = o.real("focus_metres", kLeast);
+  }
   return c;
 }
 

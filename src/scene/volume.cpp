@@ -224,28 +224,11 @@ VolumeRequest parseVolume(const std::string& text) {
   const std::size_t question = text.rfind(".vdb?");
   r.file = question == std::string::npos ? text : text.substr(0, question + 4);
   if (r.file.empty()) refuse(text, "has no file");
-  std::string_view rest;
-  if (question != std::string::npos) rest = std::string_view(text).substr(question + 5);
-  while (!rest.empty()) {
-    const std::size_t end = std::min(rest.find('&'), rest.size());
-    const std::string_view part = rest.substr(0, end);
-    rest = end < rest.size() ? rest.substr(end + 1) : std::string_view();
-    const std::size_t equals = part.find('=');
-    if (equals == std::string_view::npos) refuse(text, fmt::format("'{}' has no value", part));
-    std::vector<double> numbers;
-    for (std::string_view list = part.substr(equals + 1);;) {
-      const std::size_t comma = std::min(list.find(','), list.size());
-      double number = 0.0;
-      if (!detail::parseDouble(list.substr(0, comma), number)) {
-        refuse(text, fmt::format("'{}' is no number", list.substr(0, comma)));
-      }
-      numbers.push_back(number);
-      if (comma == list.size()) break;
-      list = list.substr(comma + 1);
-    }
-    const std::string problem = setVolumeOption(r, std::string(part.substr(0, equals)), numbers);
-    if (!problem.empty()) refuse(text, problem);
-  }
+  if (question == std::string::npos) return r;
+  const std::string problem = detail::parseOptions(
+      std::string_view(text).substr(question + 5),
+      [&r](const std::string& key, auto numbers) { return setVolumeOption(r, key, numbers); });
+  if (!problem.empty()) refuse(text, problem);
   return r;
 }
 

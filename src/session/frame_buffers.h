@@ -17,6 +17,7 @@ struct FrameBuffers {
   // Null where nobody asks for them.
   std::unique_ptr<FeatureImage> features;
   std::unique_ptr<DirectImage> direct;
+  std::unique_ptr<CoverageImage> coverage;
   std::unique_ptr<FirstHitImage> firstHits;
   std::unique_ptr<RayClassImage> rayClasses;
   TileScheduler tiles;
@@ -28,6 +29,7 @@ struct FrameBuffers {
       features = std::make_unique<FeatureImage>(width, height);
     }
     if (layers.needsSplit()) direct = std::make_unique<DirectImage>(width, height);
+    if (layers.alpha) coverage = std::make_unique<CoverageImage>(width, height);
     if (layers.needsFirstHit()) firstHits = std::make_unique<FirstHitImage>(width, height);
     if (layers.rayClass) rayClasses = std::make_unique<RayClassImage>(width, height);
   }
@@ -40,6 +42,7 @@ struct FrameBuffers {
     sums.restart(x, y);
     if (features) features->restart(x, y);
     if (direct) direct->restart(x, y);
+    if (coverage) coverage->restart(x, y);
     if (firstHits) firstHits->restart(x, y);
     if (rayClasses) rayClasses->restart(x, y);
   }

@@ -32,6 +32,7 @@ Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
                  const RenderSettings& settings, const PictureLayers& layers)
     : settings_(settings), layers_(layers), model_(std::move(model)), view_(camera) {
   settings_.denoise &= settings_.exact < 1.0;
+  layers_.alpha |= settings_.transparent;
   makeFrames();
   const RayScene& rays = *model_->rays;
   lights_ = std::make_unique<LightSet>(model_->scene, rays.renderOrigin(), rays.bounds(),

@@ -36,11 +36,10 @@ std::unique_ptr<GRayTracer> Session::makeDevice(const std::vector<Material>& mat
                                                 const RenderSettings& settings) {
   const auto photons = photonMaterials(materials, images);
   if (settings.device == RenderSettings::kNoDevice) return makeCpuTracer(tree, photons);
-  auto device =
-      makeVulkanTracer(tree, photons, settings.device, {.maxBytes = settings.maxGpuMemory});
+  const VulkanLimits limits{.maxBytes = settings.maxGpuMemory};
+  if (settings.device == RenderSettings::kBestDevice) return makeAutoTracer(tree, photons, limits);
   // A device that was asked for by its number is not left silently.
-  if (settings.device != RenderSettings::kBestDevice) return device;
-  return makeFallbackTracer(std::move(device));
+  return makeVulkanTracer(tree, photons, settings.device, limits);
 }
 
 void Session::setVoxels(std::shared_ptr<const asvo::Tree> tree,
@@ -136,7 +135,7 @@ void Session::makeIntegrators() {
     }
     report_.cones = guess.cones;
     return std::make_unique<Integrator>(model_->scene, *model_->rays, *lights_, *camera_, guess,
-                                        settings_.seed);
+                                        settings_.seed, !settings_.transparent);
   };
   integrator_ = make(light_.get());
   if (!settings_.interactive) return;

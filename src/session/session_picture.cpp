@@ -16,7 +16,8 @@ std::vector<vec3> Session::shown() {
 }
 
 ShownOptions Session::shownOptions() const {
-  return {settings_.denoise, settings_.exact > 0.0 && settings_.exact < 1.0, 1};
+  return {settings_.denoise, settings_.exact > 0.0 && settings_.exact < 1.0, 1,
+          settings_.transparent};
 }
 
 Picture Session::picture() {
@@ -24,9 +25,11 @@ Picture Session::picture() {
   picture.width = settings_.width;
   picture.height = settings_.height;
   picture.channels = {"R", "G", "B"};
+  picture.premultiplied = settings_.transparent;
   const auto put = [&](const std::string& layer, const char* names) {
     for (const char* n = names; *n; ++n) picture.channels.push_back(layer + '.' + *n);
   };
+  if (layers_.alpha) picture.channels.emplace_back("A");
   if (layers_.direct) put("direct", "RGB");
   if (layers_.indirect) put("indirect", "RGB");
   if (layers_.albedo) put("albedo", "RGB");
@@ -53,6 +56,7 @@ Picture Session::picture() {
 /// The values of a pixel's layers, in the order of their channels.
 void Session::addLayers(std::uint32_t x, std::uint32_t y, std::vector<float>& values) const {
   const auto add = [&](const vec3& v) { values.insert(values.end(), {v.x, v.y, v.z}); };
+  if (layers_.alpha) values.push_back(frame_->coverage->mean(x, y));
   if (layers_.needsSplit()) {
     const dvec3 direct = frame_->direct->mean(x, y);
     if (layers_.direct) add(vec3(direct));
@@ -100,6 +104,7 @@ std::vector<std::span<std::byte>> Session::state() {
                                           frame_->sums.differenceBytes()};
   if (frame_->features) parts.push_back(frame_->features->bytes());
   if (frame_->direct) parts.push_back(frame_->direct->bytes());
+  if (frame_->coverage) parts.push_back(frame_->coverage->bytes());
   if (frame_->firstHits) parts.push_back(frame_->firstHits->bytes());
   return parts;
 }

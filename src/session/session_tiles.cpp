@@ -113,6 +113,7 @@ void Session::add(FrameBuffers& frame, const Batch& batch, std::size_t i) {
   if (sample == 0) frame.restart(x, y);
   const bool finite = frame.sums.add(x, y, sample, p.common + p.guess, paired ? &exact : nullptr);
   if (frame.features) frame.features->add(x, y, p.feature);
+  if (frame.coverage) frame.coverage->add(x, y, p.alpha);
   if (frame.firstHits) frame.firstHits->add(x, y, sample, p.first);
   if (frame.direct && finite) frame.direct->add(x, y, p.direct, paired ? &p.directExact : nullptr);
   if (frame.rayClasses) frame.rayClasses->add(x, y, batch.rays[i].x, batch.rays[i].y);

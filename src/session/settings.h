@@ -37,6 +37,7 @@ struct RenderSettings {
   GuessKind guess = GuessKind::kAuto;
   PhotonKind photonKind = PhotonKind::kAuto;
   bool denoise = false;            ///< filter the guess and its correction; only with exact < 1
+  bool transparent = false;        ///< no background; R, G, B are premultiplied by the layer A
   bool interactive = false;        ///< driven by step(), see session.h
   std::uint64_t photons = 0;       ///< at least so many before the first sample
   std::optional<Camera> aim;       ///< where photons from outside are aimed; none: the camera

@@ -71,6 +71,31 @@ std::vector<vec3> spreadAround(const std::vector<vec3>& picture, std::uint32_t w
   return out;
 }
 
+/// The means over the samples that met something of `values` that count 0 for those that did not;
+/// of a variance, `power` is 2.
+void perCovered(std::vector<vec3>& values, const std::vector<float>& covered, int power = 1) {
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const float share = power == 1 ? covered[i] : covered[i] * covered[i];
+    values[i] = share > 0.0f ? values[i] / share : vec3(0.0f);
+  }
+}
+
+/// The same of features.
+FeatureImage perCovered(const FeatureImage& all, const std::vector<float>& covered) {
+  FeatureImage out(all.width(), all.height());
+  for (std::uint32_t y = 0; y < all.height(); ++y) {
+    for (std::uint32_t x = 0; x < all.width(); ++x) {
+      Feature f = all.mean(x, y);
+      const float share = covered[std::size_t{y} * all.width() + x];
+      if (share > 0.0f) {
+        f = {f.albedo / share, f.normal / share, f.position / share, f.footprint / share};
+      }
+      out.add(x, y, f);
+    }
+  }
+  return out;
+}
+
 /// The features of the lattice's pixels; a pixel of it is `step` pixels wide.
 template <typename Source>
 FeatureImage thinFeatures(const FeatureImage& all, std::uint32_t step, const Source& source) {
@@ -135,18 +160,31 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
     guess_.emplace(thinFeatures(*frame.features, step, source), guess, variance, false);
     return;
   }
-  guess_.emplace(*frame.features, guess, variance, false);
+  const FeatureImage* features = frame.features.get();
+  std::optional<FeatureImage> ofCovered;
+  if (options.premultiplied) {
+    for (Pixel y = 0; y < height; ++y) {
+      for (Pixel x = 0; x < width; ++x) covered_.push_back(frame.coverage->mean(x, y));
+    }
+    perCovered(guess, covered_);
+    perCovered(variance, covered_, 2);
+    features = &ofCovered.emplace(perCovered(*frame.features, covered_));
+  }
+  guess_.emplace(*features, guess, variance, false);
   if (!options.pairs || sums.fewestPairs() < kPairsThatTell) return;
   // A rare bright path makes both mean and variance of its pixel large; a pixel that has met none
   // knows too little of them. So no variance counts as less than that of all pixels together.
   const dvec3 pooled = sums.pooledDifferenceVariance();
-  correction_.emplace(
-      *frame.features, each([&](Pixel x, Pixel y) { return sums.difference(x, y).mean(); }),
-      each([&](Pixel x, Pixel y) {
-        const Moments d = sums.difference(x, y);
-        return glm::max(d.varianceOfMean(), pooled / static_cast<double>(d.count()));
-      }),
-      true);
+  auto difference = each([&](Pixel x, Pixel y) { return sums.difference(x, y).mean(); });
+  auto spread = each([&](Pixel x, Pixel y) {
+    const Moments d = sums.difference(x, y);
+    return glm::max(d.varianceOfMean(), pooled / static_cast<double>(d.count()));
+  });
+  if (options.premultiplied) {
+    perCovered(difference, covered_);
+    perCovered(spread, covered_, 2);
+  }
+  correction_.emplace(*features, difference, spread, true);
 }
 
 bool ShownPicture::advance(const std::function<bool()>& keepGoing) {
@@ -161,6 +199,8 @@ bool ShownPicture::advance(const std::function<bool()>& keepGoing) {
     for (std::size_t i = 0; i < add.size(); ++i) picture_[i] += add[i];
     correction_.reset();
   }
+  for (std::size_t i = 0; i < covered_.size(); ++i) picture_[i] *= covered_[i];
+  covered_.clear();
   return true;
 }
 

@@ -17,6 +17,9 @@ struct ShownOptions {
   /// Every so manieth pixel alone, each of which must have a sample; 1: all of them, and where one
   /// has none yet that of its lattice before it.
   std::uint32_t spacing = 1;
+  /// Without background: the filter sees the colours of what covers a pixel, not those multiplied
+  /// by how much of it is covered, so that the edges are those of the layer A.
+  bool premultiplied = false;
 };
 
 /// One picture under way, of the frame as it was when this was made. One thread at a time.
@@ -34,6 +37,7 @@ class ShownPicture {
               const ShownOptions& options);
 
   std::vector<vec3> picture_;
+  std::vector<float> covered_;  ///< of the whole picture, if it is premultiplied and filtered
   std::optional<GuessFilter> guess_, correction_;
 };
 

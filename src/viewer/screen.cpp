@@ -63,9 +63,10 @@ bool Screen::update(const Session& session, const Session* exact, const Look& lo
   }
   const bool exactNews =
       exact != nullptr && state.split && progressOf(exact->shownFrame()) != exactProgress_;
-  const bool restyled = !isPainted_ || exposure_ != look.exposure || painted_.mode != state.mode ||
-                        painted_.split != state.split || painted_.splitAt != state.splitAt ||
-                        painted_.selectedObject != state.selectedObject;
+  const bool restyled =
+      !isPainted_ || exposure_ != look.exposure || painted_.mode != state.mode ||
+      painted_.split != state.split || painted_.toneOperator != state.toneOperator ||
+      painted_.splitAt != state.splitAt || painted_.selectedObject != state.selectedObject;
   if (linear_.size() != std::size_t{image_.width} * image_.height) return false;
   if (!changed && !exactNews && !restyled) return false;
   paint(session, exact, look, state);
@@ -143,7 +144,7 @@ void Screen::paint(const Session& session, const Session* exact, const Look& loo
       exactProgress_ = progressOf(exact->shownFrame());
       shown = &both;
     }
-    toneMapTo(*shown, look.exposure, image_.rgba);
+    toneMapTo(*shown, {look.exposure, state.toneOperator}, image_.rgba);
   } else {
     writeValues(linear_, image_.rgba);
   }

@@ -19,6 +19,8 @@ class Screen {
   bool update(const Session& session, const Session* exact, const Look& look,
               const ViewState& state, const std::function<bool()>& keepGoing);
   const ScreenImage& image() const { return image_; }
+  /// What the image shows, before it was tone-mapped; empty before there is an image.
+  const std::vector<vec3>& linear() const { return linear_; }
   /// The picture of this generation is on the screen, in whatever quality.
   bool showsGeneration() const { return shown_; }
   /// Nothing more can be shown of the frame as it is.

@@ -8,8 +8,6 @@
 #include <cmath>
 #include <utility>
 
-#include "src/frame/image_file.h"
-
 namespace trex {
 namespace {
 
@@ -78,13 +76,15 @@ std::vector<vec3> stretch(const std::vector<vec3>& lattice, std::uint32_t width,
   return out;
 }
 
-void toneMapTo(const std::vector<vec3>& linear, float exposure, std::vector<std::uint8_t>& rgba) {
+void toneMapTo(const std::vector<vec3>& linear, const ToneMap& toneMap,
+               std::vector<std::uint8_t>& rgba) {
   static const ByteTable table;
-  const float scale = std::exp2(exposure);
+  const float scale = std::exp2(toneMap.exposure);
   rgba.resize(linear.size() * 4);
   forRows(linear.size(), [&](std::size_t i) {
+    const vec3 shown = toScreen(linear[i] * scale, toneMap.toneOperator);
     for (int c = 0; c < 3; ++c) {
-      rgba[4 * i + static_cast<std::size_t>(c)] = table.at(linear[i][c] * scale);
+      rgba[4 * i + static_cast<std::size_t>(c)] = table.at(shown[c]);
     }
     rgba[4 * i + 3] = 255;
   });

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "src/core/maths.h"
+#include "src/frame/tone_map.h"
 #include "src/viewer/viewer.h"
 
 namespace trex {
@@ -14,8 +15,9 @@ namespace trex {
 std::vector<vec3> stretch(const std::vector<vec3>& lattice, std::uint32_t width,
                           std::uint32_t height, std::uint32_t spacing, bool nearest);
 
-/// Exposure in stops, sRGB, 8 bits: equal to what ToneMap writes to a file.
-void toneMapTo(const std::vector<vec3>& linear, float exposure, std::vector<std::uint8_t>& rgba);
+/// 8 bits: equal to what the ToneMap writes to a file.
+void toneMapTo(const std::vector<vec3>& linear, const ToneMap& toneMap,
+               std::vector<std::uint8_t>& rgba);
 /// Values in [0, 1] as they are, for views that are not light.
 void writeValues(const std::vector<vec3>& values, std::vector<std::uint8_t>& rgba);
 

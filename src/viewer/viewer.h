@@ -61,6 +61,7 @@ struct ViewState {
   float splitAt = 0.5f;        ///< share of the width
   int selectedObject = kNone;  ///< highlighted
   bool paused = false;
+  ToneOperator toneOperator = kDefaultToneOperator;
   vec2 pointer{0.5f, 0.5f};  ///< share of width and height: tiles near it come first
 };
 
@@ -133,6 +134,8 @@ class Viewer {
   /// Size of the picture, at least 1x1; a new size starts the frame anew.
   void resize(std::uint32_t width, std::uint32_t height);
   const ScreenImage& screen() const;
+  /// Exposure in stops that suits what is shown now.
+  float suitableExposure() const;
   ViewState& state();  ///< change it freely; the next step() sees it
 
   // Only once something is imported (phase kVoxels or kReady).
@@ -153,7 +156,7 @@ class Viewer {
 
   ViewerFigures figures() const;
 
-  /// Saves what is shown: .png tone-mapped, .exr linear with layers. Throws Error(kOutput).
+  /// Saves what is shown: .png or .jpg tone-mapped, .exr linear with layers. Throws Error(kOutput).
   void savePicture(const std::filesystem::path& path);
   /// Saves the edits as an overlay. Throws Error(kOutput).
   void saveEdits(const std::filesystem::path& path);

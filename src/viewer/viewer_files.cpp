@@ -123,13 +123,24 @@ double Viewer::Impl::measureSplit() const {
   return std::max(0.0, sum / count);
 }
 
+float Viewer::suitableExposure() const {
+  Picture picture;
+  picture.width = screen().width;
+  picture.height = screen().height;
+  picture.channels = {"R", "G", "B"};
+  for (const vec3& v : impl_->screen.linear()) {
+    picture.values.insert(picture.values.end(), {v.x, v.y, v.z});
+  }
+  return picture.values.empty() ? look().exposure : autoExposure(picture);
+}
+
 void Viewer::savePicture(const fs::path& path) {
   if (!knownPictureExtension(path)) {
-    fail(ExitCode::kUsage, "{}: unknown picture format; use .exr or .png", path.string());
+    fail(ExitCode::kUsage, "{}: unknown picture format; use .exr, .png or .jpg", path.string());
   }
   Impl& m = *impl_;
   if (!m.session) fail(ExitCode::kOutput, "{}: nothing is open to be saved", path.string());
-  if (path.extension() == ".png" && m.screen.image().version > 0) {
+  if (!isExr(path) && m.screen.image().version > 0) {
     const ScreenImage& screen = m.screen.image();
     writeScreen(path, screen.width, screen.height, screen.rgba);
     return;
@@ -144,7 +155,7 @@ void Viewer::savePicture(const fs::path& path) {
                       {"trex:samples", std::to_string(m.session->samplesDone())},
                       {"trex:seed", std::to_string(m.options.settings.seed)},
                       {"trex:exact", fmt::format("{}", m.options.settings.exact)}};
-  writePicture(path, picture, ToneMap{m.shownLook.exposure});
+  writePicture(path, picture, ToneMap{m.shownLook.exposure, m.state.toneOperator});
 }
 
 LookLight Viewer::Impl::light() const { return {session->leastPhotons(), session->aim()}; }
@@ -224,6 +235,9 @@ std::string Viewer::headlessCommand(const std::string& editsPath, const std::str
         s.photonKind == PhotonKind::kRay ? " --photon-bounces ray" : " --photon-bounces voxel";
   }
   if (!s.denoise) command += " --denoise off";
+  if (m.state.toneOperator != kDefaultToneOperator) {
+    command += " --tonemap " + toneOperatorNames()[static_cast<std::size_t>(m.state.toneOperator)];
+  }
   if (s.device == RenderSettings::kNoDevice) command += " --device none";
   if (s.device >= 0) command += fmt::format(" --device {}", s.device);
   return command;

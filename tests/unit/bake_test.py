@@ -165,6 +165,7 @@ class BakeTest(unittest.TestCase):
             bundle = self.bake(source)  # lit by the soft sky
             self.same_picture(source, bundle, "--exact", exact)
             self.same_picture(source, bundle, "--exact", exact, "--env", sky)
+        sky += "?rotate=75&strength=2.5"
         bundle = self.bake(source, "--env", sky)
         self.done("render", source, "--env", sky, "-o", self.path("a.exr"), "--device", "none", "--size", "256x160",
                   "--spp", 2)

@@ -214,6 +214,8 @@ std::vector<Mutation> mutations() {
           {"/cameras/0/up", {0, 1}},
           {"/cameras/0/vertical_fov_radians", 0},
           {"/cameras/0/vertical_fov_radians", 3.2},
+          {"/cameras/0/fstop", 0},
+          {"/environment/rotation", 1e5},
           {"/cameras/0/name", 5},
           {"/cameras/0/zoom", 5},
           {"/materials", json::array()},

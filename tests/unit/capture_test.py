@@ -167,7 +167,8 @@ class CaptureTest(unittest.TestCase):
 
     def test_camera_path(self):
         cams = self.path("cams.json", json.dumps({"trex": 1, "cameras": [
-            {"eye": [0, 1, 3.2], "target": [0, 1, 0], "vfov": 40}, {"eye": [0.5, 1, 3.2], "target": [0, 1, 0]}]}))
+            {"eye": [0, 1, 3.2], "target": [0, 1, 0], "vfov": 40, "fstop": 1.4, "focus": 3},
+            {"eye": [0, 1, 3.2], "target": [0, 1, 0]}]}))
         result = self.render("-o", self.path("shot_##.png"), "--size", "24x16", "--spp", 2, "--path", cams)
         self.assertEqual(result.stdout.split(), [self.path("shot_01.png"), self.path("shot_02.png")])
         self.assertNotEqual(read(self.path("shot_01.png")), read(self.path("shot_02.png")))
@@ -183,6 +184,7 @@ class CaptureTest(unittest.TestCase):
                            (json.dumps({"trex": 1, "cameras": [good, {**good, "eye": [0, 1]}]}), "/cameras/1"),
                            (json.dumps({"trex": 1, "cameras": [{**good, "fov": 3}]}), "fov"),
                            (json.dumps({"trex": 1, "cameras": [{**good, "eye": ["a", 0, 0]}]}), "/cameras/0"),
+                           (json.dumps({"trex": 1, "cameras": [{**good, "fstop": 2}]}), "needs fstop and focus"),
                            (json.dumps({"trex": 1, "cameras": [{**good, "vfov": 200}]}), "field of view"),
                            (json.dumps({"trex": 1, "cameras": [{**good, "target": [0, 1, 3]}]}), "differ"),
                            (json.dumps({"trex": 1, "cameras": ["nobody"]}), "nobody"),
@@ -200,6 +202,35 @@ class CaptureTest(unittest.TestCase):
             self.assertIn(name, data)
         self.assertNotIn(b"variance", data)
         self.render("-o", out, "--aov", "depht", code=2, says="depht")
+
+    def test_without_background_it_resumes_to_the_same_bits(self):
+        job = ["--size", "24x24", "--camera", "0,1,9/0,1,0/0,1,0/40?fstop=2&focus=8", "--transparent", "--exact", 0.5]
+        whole, out, state = self.path("whole.exr"), self.path("a.exr"), self.path("a.checkpoint")
+        self.render("-o", whole, *job, "--spp", 6)
+        self.render("-o", out, *job, "--spp", 3, "--checkpoint", state)
+        self.render("-o", out, *job, "--spp", 6, "--checkpoint", state, "--resume")
+        self.assertEqual(read(out), read(whole))
+        self.assertIn(b"trex:transparent", read(whole))
+        for other in (job[:-3] + job[-2:], [x.replace("fstop=2", "fstop=4") for x in map(str, job)]):
+            self.render("-o", out, *other, "--spp", 7, "--checkpoint", state, "--resume", code=3, says="other settings")
+
+    def test_pictures_for_the_eye(self):
+        """Operators, depths and formats of one render; a .jpg is close to the .png."""
+        job = ["--size", "32x32", "--spp", 4, "--exposure", 1]
+        pictures = {}
+        for name, options in (("none.png", ["--tonemap", "none"]), ("agx.png", ["--tonemap", "agx"]),
+                              ("neutral.png", ["--tonemap", "neutral"]), ("default.png", []), ("deep.png", ["--bits", 16]),
+                              ("a.jpg", ["--quality", 98])):
+            self.render("-o", self.path(name), *job, *options)
+            pictures[name] = read(self.path(name))
+        self.assertEqual(pictures["default.png"], pictures["neutral.png"])
+        self.assertNotEqual(pictures["neutral.png"], pictures["none.png"])
+        self.assertNotEqual(pictures["neutral.png"], pictures["agx.png"])
+        self.assertEqual(pictures["a.jpg"][:3], b"\xff\xd8\xff")
+        self.assertEqual((pictures["default.png"][24], pictures["deep.png"][24]), (8, 16))  # bits of the header
+        for other, limit in (("deep.png", 0.002), ("a.jpg", 0.02)):
+            diff = run("diff", self.path(other), self.path("default.png"), "--metric", "rmse", "--max", limit)
+            self.assertEqual(diff.returncode, 0, diff.stdout)
 
     def test_error_goal(self):
         result = self.render("-o", self.path("a.exr"), "--size", "32x32", "--exact", 1, "--error", 0.05, "--json")

@@ -74,7 +74,7 @@ class DiffTest(unittest.TestCase):
         pixels = pattern(8, 8)
         pixels[3 * 8 + 5] = (pixels[3 * 8 + 5][0], 2.0, 0.5)
         other = self.exr("other.exr", pixels)
-        found = self.compare(other, self.good)
+        found = self.compare(other, self.good, code=6)
         self.assertFalse(found["equal_bits"])
         self.assertEqual((found["max_error_pixel"], found["max_error_channel"]), ([5, 3], "G"))
         self.assertAlmostEqual(found["max_error"], 2.0 - (0.2 + 3 / 8), places=5)
@@ -82,9 +82,23 @@ class DiffTest(unittest.TestCase):
         self.compare(other, self.good, "--max", found["flip"] * 1.01)
         self.compare(other, self.good, "--max", found["flip"] * 0.99, code=6)
 
+    def test_any_difference_counts_without_a_limit(self):
+        """One bit of a colour or of a layer is a difference; a limit speaks of colours alone."""
+        pixels = pattern(8, 8)
+        pixels[9] = (pixels[9][0] * (1 + 2 ** -23), *pixels[9][1:])
+        one_bit = self.exr("bit.exr", pixels)
+        found = self.compare(one_bit, self.good, code=6)
+        self.assertIn("--max", found["reasons"][0])
+        self.compare(one_bit, self.good, "--max", 1e-6)
+        near = self.exr("near.exr", pattern(8, 8), depth=[1.0] * 64)
+        far = self.exr("far.exr", pattern(8, 8), depth=[1.0] * 63 + [2.0])
+        self.compare(near, far, code=6)
+        self.compare(near, far, "--max", 0)
+        self.compare(near, self.good, "--max", 1, code=6)  # a layer that is not there
+
     def test_limits_of_every_metric(self):
         other = self.exr("other.exr", [(r * 1.1, g, b) for r, g, b in pattern(8, 8)])
-        figures = self.compare(other, self.good)
+        figures = self.compare(other, self.good, code=6)
         for metric, key in (("flip", "flip"), ("hdrflip", "hdr_flip"), ("relmse", "relmse_trimmed"),
                             ("rmse", "rmse"), ("psnr", "psnr_db")):
             larger = 6 if metric == "psnr" else 0
@@ -133,7 +147,7 @@ class DiffTest(unittest.TestCase):
         variance = {f"variance.{c}": [0.01] * 64 for c in "RGB"}
         a = self.exr("a.exr", pattern(8, 8), **variance)
         b = self.exr("b.exr", [(r + 0.1, g, b) for r, g, b in pattern(8, 8)], **variance)
-        z = self.compare(a, b)["z"]
+        z = self.compare(a, b, code=6)["z"]
         self.assertAlmostEqual(z["largest"], 0.1 / 0.02 ** 0.5, places=4)
         self.assertAlmostEqual(z["mean_z"][0], -8 * 0.1 / 0.02 ** 0.5, places=3)
         self.assertEqual(z["share_within_2"], 1)
@@ -145,25 +159,26 @@ class DiffTest(unittest.TestCase):
         pixels = [(x * 16 + 8, y * 16 + 8, 128) for y in range(16) for x in range(16)]
         a = self.path("a.png", png_bytes(16, 16, pixels))
         b = self.path("b.png", png_bytes(16, 16, [(r, g, 131) for r, g, _ in pixels]))
-        found = self.compare(b, a)
+        found = self.compare(b, a, code=6)
         self.assertEqual(found["exposure_stops"], 0)
         self.assertAlmostEqual(found["psnr_db"], -10 * math.log10((3 / 255) ** 2 / 3), places=2)
 
     def test_exposure(self):
         other = self.exr("other.exr", [(r * 1.1, g, b) for r, g, b in pattern(8, 8)])
-        found = self.compare(other, self.good, "--exposure", -1.5)
+        found = self.compare(other, self.good, "--exposure", -1.5, code=6)
         self.assertEqual(found["exposure_stops"], -1.5)
-        self.assertNotEqual(found["flip"], self.compare(other, self.good)["flip"])
-        self.assertNotEqual(found["flip"], self.compare(other, self.good, "--exposure", -1.5, "--ppd", 20)["flip"])
+        self.assertNotEqual(found["flip"], self.compare(other, self.good, code=6)["flip"])
+        at_20 = self.compare(other, self.good, "--exposure", -1.5, "--ppd", 20, code=6)["flip"]
+        self.assertNotEqual(found["flip"], at_20)
 
     def test_heat_map(self):
         other = self.exr("other.exr", [(r * 1.1, g, b) for r, g, b in pattern(8, 8)])
         for metric, key in (("flip", "flip"), ("hdrflip", "hdr_flip")):
             png, exr = self.path("heat.png"), self.path("heat.exr")
-            self.compare(other, self.good, "-o", png, "--metric", metric)
+            self.compare(other, self.good, "-o", png, "--metric", metric, code=6)
             with open(png, "rb") as f:
                 self.assertEqual(f.read(4), b"\x89PNG")
-            self.compare(other, self.good, "-o", exr, "--metric", metric)
+            self.compare(other, self.good, "-o", exr, "--metric", metric, code=6)
             self.assertGreater(os.path.getsize(exr), 100)
         self.refused(5, other, self.good, "-o", self.path("no/such/heat.png"), says="no/such")
         self.refused(2, other, self.good, "-o", self.path("heat.bmp"), says="heat.bmp")

@@ -61,6 +61,22 @@ ROWS = """
 2 | -5G                   | render {cornell} -o {png} --max-memory=-5G
 2 | env                   | render {cornell} -o {png} --env 1,2
 2 | -1,0,0                | render {cornell} -o {png} --env=-1,0,0
+2 | rotate                | render {cornell} -o {png} --env 1,1,1?rotate=90
+2 | no number             | render {cornell} -o {png} --env {one.exr}?rotate=north
+2 | rotate                | render {cornell} -o {png} --env {one.exr}?rotate=nan
+2 | strength              | render {cornell} -o {png} --env {one.exr}?strength=-1
+2 | 'spin'                | render {cornell} -o {png} --env {one.exr}?spin=1
+2 | no value              | render {cornell} -o {png} --env {one.exr}?strength
+2 | fstop                 | render {cornell} -o {png} --camera 0,0,5/0,0,0/0,1,0/40?fstop=0&focus=1
+2 | needs fstop and focus | render {cornell} -o {png} --camera 0,0,5/0,0,0/0,1,0/40?focus=1
+2 | focus                 | render {cornell} -o {png} --camera 0,0,5/0,0,0/0,1,0/40?fstop=2&focus=nan
+2 | 'iris'                | render {cornell} -o {png} --camera 0,0,5/0,0,0/0,1,0/40?iris=2
+2 | tonemap               | render {cornell} -o {png} --tonemap film
+2 | bits                  | render {cornell} -o {png} --bits 12
+2 | --bits                | render {cornell} -o {exr} --bits 16
+2 | --bits                | render {cornell} -o {dir}/a.jpg --bits 16
+2 | quality               | render {cornell} -o {dir}/a.jpg --quality 0
+2 | no alpha              | render {cornell} -o {dir}/a.jpg --transparent
 2 | .bmp                  | render {cornell} -o {dir}/a.bmp
 2 | format                | render {cornell} -o {dir}/a
 2 | extra                 | render {cornell} -o {png} extra
@@ -87,7 +103,7 @@ ROWS = """
 2 | max                   | diff {one.exr} {one.exr} --max nan
 2 | ppd                   | diff {one.exr} {one.exr} --ppd 0
 2 | exposure              | diff {one.exr} {one.exr} --exposure dark
-2 | .jpg                  | diff {one.exr} {one.exr} -o {dir}/heat.jpg
+2 | .gif                  | diff {one.exr} {one.exr} -o {dir}/heat.gif
 3 | missing.exr           | diff {one.exr} {dir}/missing.exr
 3 | words.ply             | diff {words.ply} {one.exr}
 3 | cut.exr               | diff {one.exr} {cut.exr}
@@ -167,7 +183,7 @@ class ExitCodes(unittest.TestCase):
         rows = [[part.strip() for part in line.split("|")] for line in ROWS.strip().splitlines()]
         tested = 0
         for code, says, arguments in rows:
-            words = [self.fill(word) for word in shlex.split(arguments)]
+            words = [self.fill(word) for word in shlex.split(arguments)]  # no shell: & and ? are letters
             command = words[0] if words else ""
             if command in ("info", "bake") and f"\n  {command} " not in known:
                 self.assertNotIn(command, COMMANDS)
@@ -186,6 +202,24 @@ class ExitCodes(unittest.TestCase):
     def test_quiet_still_says_the_error(self):
         result = run(["render", "missing.glb", "-o", "a.png", "-q"], self.folder)
         self.assertEqual((result.returncode, len(result.stderr.splitlines())), (3, 1), result.stderr)
+
+    def test_auto_without_a_driver_renders_on_the_cpu(self):
+        """One warning a process; a number is an error as ever; the picture is that of --device none."""
+        job = ["render", self.cornell, "--size", "16x16", "--spp", "1"]
+        nowhere = {"VK_ICD_FILENAMES": "/nonexistent", "VK_DRIVER_FILES": "/nonexistent", "TREX_VALIDATION": ""}
+        with tempfile.TemporaryDirectory() as out:
+            auto, none = os.path.join(out, "auto.exr"), os.path.join(out, "none.exr")
+            result = run([*job, "-o", os.path.join(out, "two.png"), "--camera", "0,1,5/0,1,0/0,1,0/40", "--camera",
+                          "0,1,4/0,1,0/0,1,0/40"], self.files, **nowhere)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            self.assertEqual(result.stderr.count("warning"), 1, result.stderr)
+            self.assertIn("mesa-vulkan-drivers", result.stderr)
+            self.assertIn("C++ tracer", result.stderr)
+            self.assertEqual(run([*job, "-o", auto], self.files, **nowhere).returncode, 0)
+            self.assertEqual(run([*job, "-o", none, "--device", "none"], self.files).returncode, 0)
+            self.assertEqual(run(["diff", auto, none], self.files).returncode, 0)
+        result = run([*job, "-o", "a.png", "--device", "0"], self.folder, **nowhere)
+        self.assertEqual(result.returncode, 4, result.stderr)
 
     def test_difference_is_six(self):
         white = os.path.join(self.files, "white.exr")
@@ -229,7 +263,7 @@ class Doctor(unittest.TestCase):
             result = self.doctor(**environment)
             self.assertEqual(result.returncode, 0, result.stderr)
             self.assertIn("mesa-vulkan-drivers", result.stdout)
-            self.assertIn("--device none", result.stdout)
+            self.assertIn("--device auto is --device none", result.stdout)
             self.assertIn("--exact 1 work", result.stdout)
             found = json.loads(self.doctor("--json", **environment).stdout)
             self.assertTrue(found["can_render"])

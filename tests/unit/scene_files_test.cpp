@@ -232,6 +232,33 @@ TEST(SceneCamera, ParseByNameAndByNumbers) {
   }
 }
 
+TEST(SceneCamera, ALensByFstopAndFocus) {
+  Scene scene;
+  scene.cameras.emplace_back().name = "what?";
+  scene.cameras.emplace_back().name = "flat";
+  scene.cameras.back().orthographic = true;
+  EXPECT_EQ(parseCamera("what?", scene).fstop, 0.0f);
+  EXPECT_EQ(parseCamera("what?", scene).lensRadius(), 0.0f);
+  EXPECT_EQ(parseCamera("what??fstop=4&focus=2", scene).fstop, 4.0f);
+  const Camera c = parseCamera("0,0,5/0,0,0/0,1,0/40?focus=3.5&fstop=2.8", scene);
+  EXPECT_EQ(c.focus, 3.5f);
+  // A focal length of 32.97 mm shows 40 degrees on 24 mm.
+  EXPECT_NEAR(c.lensRadius(), 0.03297f / 2.8f / 2.0f, 1e-6f);
+  EXPECT_EQ(parseCamera(cameraText(c), scene).fstop, c.fstop);
+  EXPECT_EQ(parseCamera(cameraText(c), scene).focus, c.focus);
+  for (const char* bad :
+       {"flat?fstop=2&focus=1", "what??fstop=2", "what??focus=2", "what??",
+        "what??fstop=2&focus=-1", "what??fstop=0&focus=1", "what??fstop=inf&focus=1",
+        "what??fstop=1,2&focus=1", "what??fstop=2&focus=1&zoom=2", "door?fstop=2&focus=1"}) {
+    try {
+      parseCamera(bad, scene);
+      FAIL() << bad;
+    } catch (const Error& e) {
+      EXPECT_EQ(e.code(), ExitCode::kUsage) << bad;
+    }
+  }
+}
+
 TEST(SceneCamera, FramingSeesTheWholeBoxAtEveryScale) {
   for (const double scale : {1e-6, 1.0, 1e7}) {
     Box3d box;
@@ -284,6 +311,77 @@ TEST_F(SceneEnvironment, ColoursAndMaps) {
     } catch (const Error& error) {
       EXPECT_EQ(error.code(), ExitCode::kInput) << bad;
     }
+  }
+}
+
+TEST_F(SceneEnvironment, RotationAndStrengthOfAFile) {
+  const std::string path = (folder_ / "sky.exr").string();
+  {
+    auto out = OIIO::ImageOutput::create(path);
+    ASSERT_TRUE(out && out->open(path, OIIO::ImageSpec(1, 1, 3, OIIO::TypeDesc::FLOAT)));
+    const float pixel[3] = {1, 2, 3};
+    ASSERT_TRUE(out->write_image(OIIO::TypeDesc::FLOAT, pixel));
+    out->close();
+  }
+  EXPECT_EQ(parseEnvironment(path).rotation, 0.0f);
+  EXPECT_EQ(environmentFile(path), path);
+  const Environment e = parseEnvironment(path + "?strength=0.5&rotate=-90");
+  EXPECT_NEAR(e.rotation, -kPi / 2, 1e-6f);
+  EXPECT_EQ(e.color, vec3(0.5f));
+  EXPECT_TRUE(e.map);
+  EXPECT_EQ(environmentFile(path + "?rotate=1"), path);
+  for (const std::string bad : {"?rotate=1,2", "?rotate=inf", "?rotate=1e9", "?strength=nan",
+                                "?strength=-1", "?turn=1", "?rotate", "?rotate=x"}) {
+    try {
+      parseEnvironment(path + bad);
+      FAIL() << bad;
+    } catch (const Error& error) {
+      EXPECT_EQ(error.code(), ExitCode::kUsage) << bad;
+    }
+  }
+}
+
+/// The colours of an .exr are found wherever they are, and nothing else counts as colours.
+TEST_F(SceneEnvironment, ColoursAmongPartsAndLayers) {
+  const std::string path = (folder_ / "sky.exr").string();
+  using Parts = std::vector<std::vector<std::string>>;
+  // Every channel's value is its number, counted over the parts.
+  const auto write = [&](const Parts& parts) {
+    std::vector<OIIO::ImageSpec> specs;
+    for (const auto& names : parts) {
+      OIIO::ImageSpec& spec = specs.emplace_back(1, 1, int(names.size()), OIIO::TypeDesc::FLOAT);
+      spec.channelnames = names;
+      spec.attribute("oiio:subimagename", fmt::format("part {}", specs.size()));
+    }
+    auto out = OIIO::ImageOutput::create(path);
+    ASSERT_TRUE(out && out->open(path, int(specs.size()), specs.data()));
+    float next = 0.0f;
+    for (std::size_t i = 0; i < specs.size(); ++i) {
+      if (i > 0) {
+        ASSERT_TRUE(out->open(path, specs[i], OIIO::ImageOutput::AppendSubimage));
+      }
+      std::vector<float> values;
+      for (int c = 0; c < specs[i].nchannels; ++c) values.push_back(next++);
+      ASSERT_TRUE(out->write_image(OIIO::TypeDesc::FLOAT, values.data()));
+    }
+    out->close();
+  };
+  const auto found = [&] { return parseEnvironment(path).map->floats; };
+  write({{"Z"}, {"R", "G", "B"}});
+  EXPECT_EQ(found(), (std::vector<float>{1, 2, 3}));
+  write({{"R", "G", "B", "A"}, {"Z"}});
+  EXPECT_EQ(found(), (std::vector<float>{0, 1, 2}));
+  write({{"Depth.Z", "ViewLayer.Combined.R", "ViewLayer.Combined.G", "ViewLayer.Combined.B"}});
+  EXPECT_EQ(found(), (std::vector<float>{1, 2, 3}));
+  write({{"albedo.R", "albedo.G", "albedo.B", "beauty.R", "beauty.G", "beauty.B"}});
+  EXPECT_EQ(found(), (std::vector<float>{3, 4, 5}));
+  write({{"albedo.R", "albedo.G", "albedo.B"}, {"R", "G", "B"}});
+  EXPECT_EQ(found(), (std::vector<float>{3, 4, 5}));
+  write({{"Y"}});
+  EXPECT_EQ(found(), (std::vector<float>{0, 0, 0}));
+  for (const Parts& bad : {Parts{{"Z"}}, Parts{{"X", "Y", "Z"}}, Parts{{"Y", "RY", "BY"}}}) {
+    write(bad);
+    EXPECT_THROW(parseEnvironment(path), Error) << bad[0][0];
   }
 }
 

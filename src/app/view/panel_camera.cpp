@@ -36,6 +36,25 @@ void listBookmarks(Ui& ui) {
   if (ImGui::Button("Add this view")) ui.addBookmark();
 }
 
+/// Depth of field; a new lens is focused on the pivot.
+void lens(Ui& ui) {
+  Camera c = ui.viewer.look().camera;
+  if (c.orthographic) return;
+  bool wanted = c.fstop > 0.0f, changed = false;
+  if (checkBox("Depth of field", wanted, "A lens before a sensor 24 mm high")) {
+    c.fstop = wanted ? 2.8f : 0.0f;
+    c.focus = wanted ? static_cast<float>(glm::length(ui.camera->pivot() - c.eye)) : 0.0f;
+    changed = true;
+  }
+  if (wanted) {
+    const auto size = static_cast<float>(ui.camera->sceneSize());
+    changed |= slider("f-number", c.fstop, 0.05f, 32.0f, "%.2f", true, "Smaller: more blur");
+    changed |= slider("Focus, m", c.focus, 1e-3f * size, 4.0f * size, "%.3f", true,
+                      "Along the view, to the plane that is sharp");
+  }
+  if (changed) ui.setCamera(c);
+}
+
 }  // namespace
 
 void cameraPanel(Ui& ui) {
@@ -46,6 +65,7 @@ void cameraPanel(Ui& ui) {
     ui.camera->setFieldOfView(glm::radians(degrees));
     ui.moveCamera();
   }
+  lens(ui);
   label("Exposure", "Stops; of the screen and of PNG files alone");
   ImGui::SetNextItemWidth(-4.5f * ImGui::GetFontSize());
   if (ImGui::SliderFloat("##exposure", &look.exposure, -10.0f, 10.0f, "%.2f stops")) {

@@ -21,6 +21,13 @@ constexpr Explained kExplained[] = {
     {ViewMode::kPhotons, "Light that the photons have left in the voxels"},
 };
 
+/// By the number of the ToneOperator.
+constexpr const char* kOperators[] = {
+    "What is brighter than the screen is cut off: hues change there",
+    "Khronos PBR Neutral: colours as they are, highlights towards white",
+    "AgX: soft and less saturated, for great contrasts",
+};
+
 }  // namespace
 
 void viewPanel(Ui& ui) {
@@ -36,6 +43,15 @@ void viewPanel(Ui& ui) {
   if (state.mode == ViewMode::kVoxels) {
     label("Level", "0 is one voxel around everything");
     ImGui::SliderInt("##level", &state.voxelLevel, 0, std::max(ui.viewer.voxelDepth(), 0));
+  }
+  heading("Highlights");
+  for (std::size_t i = 0; i < std::size(kOperators); ++i) {
+    const auto op = static_cast<ToneOperator>(i);
+    if (ImGui::RadioButton(toneOperatorNames()[i].c_str(), state.toneOperator == op)) {
+      state.toneOperator = op;
+    }
+    tip(kOperators[i]);
+    if (i + 1 < std::size(kOperators)) ImGui::SameLine();
   }
   heading("Compare");
   checkBox("Exact mode on the right (B)", state.split,

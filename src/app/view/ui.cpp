@@ -32,21 +32,6 @@ Box3d seenBounds(const Viewer& viewer, int object) {
   return box;
 }
 
-/// The screen's radiance, as far as it is not clipped.
-Picture linearScreen(const ScreenImage& screen, float exposure) {
-  Picture picture;
-  picture.width = screen.width;
-  picture.height = screen.height;
-  picture.channels = {"R", "G", "B"};
-  const float scale = std::exp2(-exposure);
-  for (std::size_t i = 0; i < std::size_t{screen.width} * screen.height; ++i) {
-    for (std::size_t c = 0; c < 3; ++c) {
-      picture.values.push_back(scale * decodeSrgb8(screen.rgba[4 * i + c]));
-    }
-  }
-  return picture;
-}
-
 std::filesystem::path freeName(const std::filesystem::path& folder, const std::string& stem,
                                const char* extension) {
   for (int number = 1;; ++number) {
@@ -166,7 +151,7 @@ void Ui::pasteCamera() {
 void Ui::autoExposure() {
   if (!shows()) return;
   Look look = viewer.look();
-  look.exposure = trex::autoExposure(linearScreen(viewer.screen(), look.exposure));
+  look.exposure = viewer.suitableExposure();
   editor.changeView(look);
 }
 

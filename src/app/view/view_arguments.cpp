@@ -7,6 +7,7 @@
 #include "src/core/error.h"
 #include "src/core/log.h"
 #include "src/core/version.h"
+#include "src/scene/import.h"
 
 namespace trex {
 namespace {
@@ -25,10 +26,8 @@ void addOptions(CLI::App& c, Texts& t, ViewArguments& a) {
   c.add_option("INPUT", t.input, "Model: .gltf .glb .ply .obj, or a baked .trex");
   c.add_option("--edits", t.edits, "Edits to start from: a .json that the viewer has saved");
   c.add_option("--volume", a.viewer.volumes, kVolumeHelp)->allow_extra_args(false);
-  c.add_option("--env", a.viewer.environment,
-               "Environment: R,G,B or a latitude-longitude .hdr or .exr");
-  c.add_option("--camera", a.viewer.camera,
-               "Camera's name, or EYE/TARGET/UP/VFOV: x,y,z/x,y,z/x,y,z/degrees");
+  c.add_option("--env", a.viewer.environment, kEnvironmentHelp);
+  c.add_option("--camera", a.viewer.camera, kCameraHelp);
   c.add_option("--size", t.size, "Of the window: WxH in pixels")->capture_default_str();
   c.add_option("--scale", a.scale, "Window pixels a pixel of the picture: 1, 2 or 4")
       ->check(CLI::IsMember({1, 2, 4}))
