@@ -30,7 +30,7 @@ class Lit {
  public:
   Lit(const Model& model, std::uint64_t photons)
       : tree_(*model.voxels),
-        lights_(model.scene, model.rays->renderOrigin(), model.rays->bounds()),
+        lights_(model.scene, *model.rays),
         tracer_(makeCpuTracer(*model.voxels,
                               photonMaterials(model.scene.materials, model.scene.images))),
         cache_(*model.voxels),

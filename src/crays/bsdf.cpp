@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "src/crays/microfacet.h"
+#include "src/scene/emission.h"
 #include "src/scene/texture.h"
 
 namespace trex {
@@ -78,13 +79,10 @@ void Bsdf::readMaterial(const Scene& scene, const Surface& surface, bool frontSi
   const vec2 uv = surface.texCoord;
   const vec4 base = m.baseColor * surface.color * read(scene, m.baseColorTexture, uv, true);
   const vec3 color = glm::clamp(vec3(base), 0.0f, 1.0f);
-  if (m.alphaMode == AlphaMode::kBlend) coverage_ = std::clamp(base.w, 0.0f, 1.0f);
-  if (m.alphaMode == AlphaMode::kMask) coverage_ = base.w >= m.alphaCutoff ? 1.0f : 0.0f;
+  coverage_ = coverageOf(m, base.w);
 
   unlit_ = m.unlit;
-  if (frontSide || m.doubleSided) {
-    emission_ = m.emission * vec3(read(scene, m.emissiveTexture, uv, true));
-  }
+  if (frontSide || m.doubleSided) emission_ = emissionAt(m, scene.images, uv);
   if (unlit_) {
     emission_ = color;
     return;

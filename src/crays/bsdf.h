@@ -46,6 +46,8 @@ class Bsdf {
   float coverage() const { return coverage_; }
   /// True if only delta lobes exist: light sampling has nothing to do here.
   bool onlyDelta() const { return onlyDelta_; }
+  /// Whether light of the far side may reach `outgoing`, delta lobes included.
+  bool transmits() const { return lobes_.transmission > 0.0f; }
   /// Reflectance that a cache of irradiance can serve: the diffuse albedo plus that of the broad
   /// part of the specular lobe. [0, 1].
   vec3 cachedAlbedo() const { return cachedAlbedo_; }

@@ -19,6 +19,11 @@ float powerHeuristic(float a, float b) {
   return 1.0f / (1.0f + ratio * ratio);
 }
 
+/// Where light sampling looks from: with the normal if only light of that side is scattered here.
+LightPoint lightPoint(const Surface& surface, const Bsdf& bsdf) {
+  return {surface.position, bsdf.transmits() ? vec3(0.0f) : bsdf.normal()};
+}
+
 }  // namespace
 
 CameraRays::CameraRays(const Camera& camera, const dvec3& renderOrigin, std::uint32_t width,
@@ -59,8 +64,8 @@ struct Integrator::Path {
   PathSample result{};
   std::uint32_t pixelTag;
   bool paired, coupled;
-  vec3 vertex{0.0f};  // the last surface point that scattered, reflected or bent the path
-  ClearPath clear{};  // since then
+  LightPoint vertex{vec3(0.0f)};  // the last that scattered, reflected or bent the path
+  ClearPath clear{};              // since then
   RayStart start{};
   vec3 direction{0.0f}, throughput{1.0f}, absorption{0.0f};
   float tnear = 0.0f;
@@ -225,7 +230,7 @@ bool Integrator::meet(Path& path) const {
     const float density = bsdf.unlit() ? kInfinity : path.density(),
                 travelled = path.travelled + path.hit.t;
     const float weight =
-        emitterWeight(density, path.vertex, way, travelled, path.direction, surface);
+        emitterWeight(density, path.vertex, way, travelled, path.direction, surface, path.hit);
     const vec3 light = path.throughput * bsdf.emission() * weight;
     if (path.coneRay && path.coupled && density < kInfinity && travelled > nearField()) {
       // In place of a cone, which gathers no emission (sampleLight): the exact path's alone.
@@ -245,17 +250,17 @@ bool Integrator::meet(Path& path) const {
 
 /// Share of an emitter's light that falls to a path from a vertex, where light sampling may find it
 /// too. `density` as Path::density(), `travelled` metres to it by `way`.
-float Integrator::emitterWeight(float density, const vec3& vertex, const ClearPath& way,
-                                float travelled, const vec3& direction,
-                                const Surface& surface) const {
+float Integrator::emitterWeight(float density, const LightPoint& vertex, const ClearPath& way,
+                                float travelled, const vec3& direction, const Surface& surface,
+                                const RayHit& hit) const {
   if (!(density < kInfinity)) return 1.0f;
   const float cosine = std::abs(glm::dot(surface.geometricNormal, direction));
   const auto sampled = [&](float distance) {
-    return lights_.pdfEmitter(vertex, surface.object, surface.material, distance, cosine);
+    return lights_.pdfEmitter(vertex, hit, distance, cosine);
   };
   if (!way.begun()) return powerHeuristic(density, sampled(travelled));
   // Light sampling chooses along the straight line; what counts is its density on this way.
-  const float distance = glm::length(vec3(surface.position) - vertex);
+  const auto distance = static_cast<float>(glm::length(surface.position - vertex.position));
   return powerHeuristic(density, sampled(distance) * way.spread() / (distance * distance));
 }
 
@@ -329,7 +334,7 @@ vec3 Integrator::lightAlong(Path& path, const dvec3& point, const vec3& directio
     if (!rays_.intersect(walk.start, walk.direction, 0.0f, kInfinity, hit)) {
       if (!lights_.hasEnvironment()) return sum;
       const float density = walk.path.straight(walk.direction) ? pdf : kInfinity;
-      const float weight = powerHeuristic(density, lights_.pdfEnvironment(vec3(point), direction));
+      const float weight = powerHeuristic(density, lights_.pdfEnvironment(point, direction));
       return sum + walk.passed * lights_.environment(walk.direction) *
                        (weight * media_->transmittance(point, direction, kInfinity));
     }
@@ -338,8 +343,8 @@ vec3 Integrator::lightAlong(Path& path, const dvec3& point, const vec3& directio
     const Bsdf bsdf(scene_, surface, -walk.direction);
     if (!bsdf.unlit() && maxComponent(bsdf.emission()) > 0.0f) {
       const float weight =
-          emitterWeight(walk.path.straight(walk.direction) ? pdf : kInfinity, vec3(point),
-                        walk.path, walk.length, walk.direction, surface);
+          emitterWeight(walk.path.straight(walk.direction) ? pdf : kInfinity, point, walk.path,
+                        walk.length, walk.direction, surface, hit);
       sum += walk.passed * bsdf.emission() *
              (bsdf.coverage() * weight * media_->transmittance(point, direction, walk.length));
     }
@@ -394,7 +399,7 @@ void Integrator::shadowCone(Path& path, const RayStart& start, const LightSample
 void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsdf,
                              bool coneVertex) const {
   LightSample light;
-  if (!lights_.sample(surface.position, path.sampler, light)) return;
+  if (!lights_.sample(lightPoint(surface, bsdf), path.sampler, light)) return;
   vec3 f = bsdf.evaluate(light.direction);
   if (maxComponent(f) <= 0.0f) return;
   RayStart start;
@@ -461,7 +466,7 @@ bool Integrator::scatter(Path& path, const Surface& surface, const Bsdf& bsdf,
   if (next.delta && next.transmitted && ClearLayers::clear(bsdf)) {
     passClear(path, bsdf, next.direction);
   } else {
-    path.vertex = vec3(surface.position);
+    path.vertex = lightPoint(surface, bsdf);
     path.clear = ClearPath();
     path.travelled = 0.0f;
     path.scatterPdf = next.delta ? kInfinity : next.pdf;

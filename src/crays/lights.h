@@ -1,24 +1,25 @@
 // Light sources gathered from a scene and sampled for next event estimation and photons.
 //
-// Emissive triangles of one object and material form a luminaire. Luminaires, point, spot and
-// directional lights and an environment map are chosen in proportion to an estimate of the
-// irradiance each gives at the point, if there are few; of their power, if there are many. A
-// constant sky is not in the set of next event estimation: the cosine of the surface is its ideal
-// density, so directions sampled from the BSDF serve it alone.
+// Triangles that shine (emitters.h), point, spot and directional lights stand in a light tree
+// (light_tree.h) and are chosen at a point in proportion to about the irradiance that they give
+// there, whatever their number. An environment map stands beside the tree with the integral of its
+// radiance for its weight. A constant sky is not in the set of next event estimation: the cosine of
+// the surface is its ideal density, so directions sampled from the BSDF serve it alone. Photons
+// leave sources in proportion to their power.
 #pragma once
 
 #include <cstdint>
 #include <memory>
 #include <span>
-#include <unordered_map>
 #include <vector>
 
 #include "src/core/maths.h"
 #include "src/core/sampler.h"
 #include "src/crays/clear_path.h"
+#include "src/crays/emitters.h"
+#include "src/crays/light_tree.h"
 #include "src/crays/media.h"
 #include "src/crays/photon_guide.h"
-#include "src/crays/ray_scene.h"
 #include "src/crays/visibility.h"
 #include "src/scene/scene.h"
 
@@ -61,33 +62,31 @@ struct MapTables {
   double power = 0.0;  ///< integral of its luminance over the sphere
 };
 
+/// Immutable, so thread safe.
 class LightSet {
  public:
-  /// `renderOrigin` and `bounds` as in RayScene. Triangles of emissive materials of all instances
-  /// are listed; a textured emission counts with its mean. What `visibility` hides does not shine.
-  LightSet(const Scene& scene, const dvec3& renderOrigin, const Box3f& bounds,
-           const Visibility& visibility = {});
+  /// Scene and rays must outlive it. Triangles of emissive materials of all instances are listed;
+  /// what the rays' visibility hides does not shine. Throws as Emitters does.
+  LightSet(const Scene& scene, const RayScene& rays);
 
   /// True if next event estimation has anything to sample.
-  bool empty() const { return lights_.empty(); }
+  bool empty() const { return tree_.empty() && !(mapWeight_ > 0.0f); }
   /// True if any light exists, the constant sky included.
   bool anyPower() const { return totalPower_ > 0.0; }
-  /// Samples a light as seen from `point`; false if the sample carries nothing.
-  bool sample(const dvec3& point, Sampler& sampler, LightSample& out) const;
+  /// Samples a light as seen from a point; false if the sample carries nothing.
+  bool sample(const LightPoint& at, Sampler& sampler, LightSample& out) const;
 
-  /// Density per solid angle with which sample(point) would have found the emitter of this object
-  /// and material that a ray hit after `distance`; cosine at the emitter. 0 for surfaces not in the
-  /// set.
-  float pdfEmitter(const vec3& point, std::uint32_t object, std::uint32_t material, float distance,
-                   float cosine) const;
-  /// Density with which sample(point) would have found this direction of the environment map; 0 if
+  /// Density per solid angle with which sample(at) would have found what a ray hit after
+  /// `distance`; cosine at the emitter, not negative. 0 for surfaces not in the set.
+  float pdfEmitter(const LightPoint& at, const RayHit& hit, float distance, float cosine) const;
+  /// Density with which sample(at) would have found this direction of the environment map; 0 if
   /// there is none.
-  float pdfEnvironment(const vec3& point, const vec3& direction) const;
+  float pdfEnvironment(const LightPoint& at, const vec3& direction) const;
   /// Radiance of the environment from a direction (pointing away from the scene).
   vec3 environment(const vec3& direction) const;
   bool hasEnvironment() const { return environment_.present(); }
   /// Whether a ray can find any of the lights.
-  bool canBeHit() const { return hasEnvironment() || !luminaires_.empty(); }
+  bool canBeHit() const { return hasEnvironment() || !emitters_.triangles().empty(); }
 
   /// A photon; a function of the sampler's numbers and the guides. False if it carries nothing.
   /// `guides`: none, or one a source as guides() makes them.
@@ -104,26 +103,11 @@ class LightSet {
   float largestPhotonPower() const;
 
  private:
-  enum class Kind : std::uint8_t { kLuminaire, kPunctual, kMap, kConstant, kMedia };
-  static constexpr std::size_t kMostWeighed =
-      48;  ///< lights up to which each is weighed at a point
+  enum class Kind : std::uint8_t { kEmitters, kPunctual, kMap, kConstant, kMedia };
 
-  struct Emitter {
-    dvec3 corner;
-    vec3 edge1, edge2, normal;  ///< triangle, normal of the front
-    float area;
-
-    dvec3 at(float u, float v) const { return corner + dvec3(edge1 * u + edge2 * v); }
-  };
-  /// Emitters first .. first + count - 1: one object, one material, so one radiance.
-  struct Luminaire {
-    std::uint32_t first, count, object, material;
-    vec3 centre, meanNormal;  ///< meanNormal: area weighted, shorter than 1 if the faces differ
-    float radius, area;
-  };
   struct Entry {
     Kind kind;
-    std::uint32_t index;  ///< into luminaires_ or punctual_
+    std::uint32_t index;  ///< into punctual_
     double power;         ///< luminance, W
   };
   struct Punctual {
@@ -131,24 +115,30 @@ class LightSet {
     dvec3 position;
   };
 
-  void addLuminaires(const Scene& scene, const dvec3& renderOrigin);
-  void addLuminaire(const Mesh& mesh, const Instance& instance, const dvec3& renderOrigin);
+  void addEmitters();
   void addPunctual(const Scene& scene, const dvec3& renderOrigin);
   void addEnvironment(const Scene& scene);
+  void buildTree();
+  LightBounds boundsOf(const Emitters::Triangle& triangle) const;
+  LightBounds boundsOf(const Punctual& punctual) const;
+  vec3 toTree(const dvec3& position) const;
+  double sidesOf(const Emitters::Triangle& triangle) const;
+  double emitterPower(const Emitters::Triangle& triangle) const;
   vec3 toMap(const vec3& direction) const;
   vec3 fromMap(const vec3& direction) const;
-  float weigh(const Entry& entry, const vec3& point) const;
-  std::size_t choose(const vec3& point, float& u, float& chance) const;
-  float chanceOf(std::size_t light, const vec3& point) const;
-  const Emitter& pickEmitter(const Luminaire& luminaire, float& u) const;
+  void cutAt(const LightPoint& at, LightTree::Cut& out) const;
+  float mapShare(const LightTree::Cut& cut) const;
   float mapDensity(const vec3& direction) const;
-  static std::size_t pick(const std::vector<double>& cumulative, float u, float& remapped);
-  bool sampleLuminaire(const Luminaire& luminaire, const dvec3& point, vec2 u,
-                       LightSample& out) const;
-  bool samplePunctual(const Punctual& punctual, const dvec3& point, vec2 u, LightSample& out) const;
+  static std::size_t pick(const std::vector<double>& cumulative, double u, double& rest);
+  bool sampleLeaf(const LightTree::Choice& leaf, const LightPoint& at, vec2 u,
+                  LightSample& out) const;
+  bool sampleTriangle(const Emitters::Triangle& triangle, const LightPoint& at, double u, float v,
+                      LightSample& out) const;
+  bool samplePunctual(const Punctual& punctual, const LightPoint& at, vec2 u,
+                      LightSample& out) const;
   bool sampleMap(vec2 u, LightSample& out) const;
   vec3 mapDirection(vec2 u, float& pdf) const;
-  void emitLuminaire(const Luminaire& luminaire, Sampler& sampler, EmittedPhoton& out) const;
+  void emitTriangle(double choice, Sampler& sampler, EmittedPhoton& out) const;
   void emitPunctual(const Punctual& punctual, Sampler& sampler, EmittedPhoton& out) const;
   vec2 mapPlace(const vec3& direction) const;
   vec2 diskPlace(const vec3& towards, const vec3& point) const;
@@ -160,21 +150,19 @@ class LightSet {
                    EmittedPhoton& out) const;
   void emitFromSphere(const vec3& towards, vec2 u, EmittedPhoton& out) const;
 
-  std::vector<Emitter> emitters_;
-  std::vector<double> emitterCumulative_;  ///< area before each emitter, over all luminaires
-  std::vector<Luminaire> luminaires_;
-  std::unordered_map<std::uint64_t, std::uint32_t> luminaireOf_;  ///< object and material to light
+  Emitters emitters_;
+  std::vector<double> emitterCumulative_;  ///< power before each triangle
   std::vector<Punctual> punctual_;
-  std::vector<Entry> lights_;   ///< of next event estimation
-  std::vector<Entry> sources_;  ///< of photons: lights_, the constant sky and media
-  std::vector<double> lightCumulative_, sourceCumulative_;
-  std::vector<vec3> materialRadiance_;  ///< mean emission by material
-  std::vector<bool> materialTwoSided_;
+  LightTree tree_;              ///< triangles, then punctual lights
+  std::vector<Entry> sources_;  ///< of photons
+  std::vector<double> sourceCumulative_;
   Environment environment_;
   std::shared_ptr<const Media> media_;    ///< null unless one shines
   std::shared_ptr<const MapTables> map_;  ///< null if there is no map
   double mapPower_ = 0.0;
+  float mapWeight_ = 0.0f;                   ///< in the tree's unit
   float mapSine_ = 0.0f, mapCosine_ = 1.0f;  ///< of its rotation
+  bool many_ = false;                        ///< a choice among them wants more than 24 bits
   Visibility visibility_;
   vec3 centre_{0.0f};
   float radius_ = 1.0f;  ///< of the sphere around the scene

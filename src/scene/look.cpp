@@ -1,6 +1,15 @@
 #include "src/scene/look.h"
 
 namespace trex {
+namespace {
+
+/// Whether another share of a surface may be there.
+bool coverageDiffers(const Material& a, const Material& b) {
+  return a.alphaMode != b.alphaMode || a.baseColor.w != b.baseColor.w ||
+         a.alphaCutoff != b.alphaCutoff || !(a.baseColorTexture == b.baseColorTexture);
+}
+
+}  // namespace
 
 bool Look::operator==(const Look&) const = default;
 
@@ -38,6 +47,7 @@ Invalidation invalidatedBy(const Look& before, const Look& after) {
   for (const std::uint32_t i : c.materials) {
     const Material &a = before.materials[i], &b = after.materials[i];
     out.lights |= a.emission != b.emission || a.doubleSided != b.doubleSided || a.unlit != b.unlit;
+    if (b.emits()) out.lights |= coverageDiffers(a, b);
     out.voxelShape |= passesLight(a) != passesLight(b);
   }
   return out;

@@ -173,13 +173,7 @@ struct Scene {
   std::vector<Camera> cameras;  ///< at least one after importScene
   Environment environment;
   std::vector<Medium> media;
-  std::vector<std::string> objects;  ///< names by object id
-  /// Triangles of materials that shine by an edit, decoded again; world places, one object each.
-  struct AddedEmitter {
-    Mesh mesh;
-    int object = 0;
-  };
-  std::vector<AddedEmitter> addedEmitters;
+  std::vector<std::string> objects;    ///< names by object id
   std::vector<std::string> warnings;   ///< said once on import
   std::uint64_t droppedTriangles = 0;  ///< with non-finite vertices
 

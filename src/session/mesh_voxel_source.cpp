@@ -132,7 +132,7 @@ asvo::Shade MeshVoxelSource::shade(const asvo::Triangle& triangle, float u, floa
   const auto mix = [&](const auto* values) {
     return (1.0f - w.x - w.y) * values[0] + w.x * values[1] + w.y * values[2];
   };
-  const vec3 color = source.hasColors ? vec3(mix(source.color)) : vec3(1.0f);
+  const vec4 color = source.hasColors ? mix(source.color) : vec4(1.0f);
   return voxelShade(materials_[source.material], images_, mix(source.texCoord), color);
 }
 

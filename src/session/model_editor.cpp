@@ -1,80 +1,8 @@
 #include "src/session/model_editor.h"
 
-#include "src/crays/ray_scene_parts.h"
 #include "src/session/mesh_voxel_source.h"
 
 namespace trex {
-namespace {
-
-/// Indices of a cluster's triangles, as in hits.
-std::vector<std::uint32_t> trianglesOf(const hccm::Mesh& mesh, std::uint32_t cluster) {
-  std::vector<std::uint32_t> out;
-  for (std::uint32_t leaf = 0; leaf < mesh.clusterLeafCount(cluster); ++leaf) {
-    for (std::uint32_t i = 0; i < mesh.leafTriangleCount(cluster, leaf); ++i) {
-      out.push_back(8 * leaf + i);
-    }
-  }
-  return out;
-}
-
-/// Meshes whose arrays an edited emission needs again, decoded from the compressed ones: one for
-/// each object of the merged mesh, in render space, and each placement of the others.
-class EmitterDecoder {
- public:
-  EmitterDecoder(const Model& model, std::uint32_t material)
-      : model_(model), material_(material), origin_(model.rays->renderOrigin()) {}
-
-  std::vector<Scene::AddedEmitter> run() {
-    const RayScene::Parts& parts = model_.rays->parts();
-    dmat4 world(1.0);
-    world[3] = glm::dvec4(parts.world.gridOrigin(), 1.0);
-    for (std::uint32_t c = 0; c < parts.world.clusterCount(); ++c) {
-      if (parts.world.clusterMaterial(c) == material_) {
-        add(parts.world, c, world, parts.world.clusterObject(c));
-      }
-    }
-    for (const RayScene::Parts::Placed& p : parts.placed) {
-      const hccm::Mesh& mesh = parts.shared[p.mesh];
-      const SharedPlace place = placeOf(model_.scene, parts, p);
-      for (std::uint32_t c = 0; c < mesh.clusterCount(); ++c) {
-        if (mesh.clusterMaterial(c) == material_) {
-          add(mesh, c, place.toRender,
-              place.object == kNone ? mesh.clusterObject(c)
-                                    : static_cast<std::uint32_t>(place.object));
-        }
-      }
-    }
-    std::vector<Scene::AddedEmitter> out;
-    for (auto& [object, mesh] : byObject_) {
-      out.push_back({std::move(mesh), static_cast<int>(object)});
-    }
-    return out;
-  }
-
- private:
-  void add(const hccm::Mesh& source, std::uint32_t cluster, const dmat4& toRender,
-           std::uint32_t object) {
-    Mesh& mesh = byObject_[object];
-    mesh.origin = origin_;
-    mesh.material = static_cast<int>(material_);
-    const bool mirrored = glm::determinant(glm::dmat3(toRender)) < 0.0;
-    for (const std::uint32_t t : trianglesOf(source, cluster)) {
-      const hccm::Triangle triangle = source.triangle(cluster, t);
-      const auto first = static_cast<std::uint32_t>(mesh.positions.size());
-      for (const vec3& p : triangle.position) {
-        mesh.positions.emplace_back(toRender * glm::dvec4(dvec3(p), 1.0));
-      }
-      mesh.triangles.emplace_back(first, first + (mirrored ? 2 : 1), first + (mirrored ? 1 : 2));
-    }
-  }
-
-  const Model& model_;
-  std::uint32_t material_;
-  dvec3 origin_;
-  std::map<std::uint32_t, Mesh> byObject_;
-};
-
-}  // namespace
 
 ModelEditor::ModelEditor(std::shared_ptr<Model> model, const ModelOptions& options)
     : model_(std::move(model)),
@@ -103,25 +31,7 @@ Invalidation ModelEditor::apply(const Look& look) {
     model_->rays->setVisibility(
         Visibility(look, scene.objects.size(), model_->rays->renderOrigin()));
   }
-  if (invalid.lights) showEmitters();
   return invalid;
-}
-
-/// Materials that shine by an edit need the triangles that were freed.
-void ModelEditor::showEmitters() {
-  Scene& scene = model_->scene;
-  scene.addedEmitters.clear();
-  for (std::uint32_t m = 0; m < scene.materials.size(); ++m) {
-    if (source_.materials[m].emits() || !scene.materials[m].emits()) continue;
-    const auto& found = emittersOf(m);
-    scene.addedEmitters.insert(scene.addedEmitters.end(), found.begin(), found.end());
-  }
-}
-
-const std::vector<Scene::AddedEmitter>& ModelEditor::emittersOf(std::uint32_t material) {
-  const auto found = emitters_.find(material);
-  if (found != emitters_.end()) return found->second;
-  return emitters_[material] = EmitterDecoder(*model_, material).run();
 }
 
 void ModelEditor::setSourceVoxels(std::shared_ptr<asvo::Tree> tree) {

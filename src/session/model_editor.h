@@ -9,7 +9,6 @@
 #pragma once
 
 #include <functional>
-#include <map>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -66,14 +65,10 @@ class ModelEditor {
  private:
   Shape shapeOf(const Look& look) const;
   std::vector<Material> materialsOf(const Shape& shape) const;
-  void showEmitters();
-  const std::vector<Scene::AddedEmitter>& emittersOf(std::uint32_t material);
 
   std::shared_ptr<Model> model_;
   ModelOptions options_;
   Look source_, look_;
-  std::map<std::uint32_t, std::vector<Scene::AddedEmitter>>
-      emitters_;  ///< by material, decoded when first lit
   Shape sourceShape_, shape_;
   std::unique_ptr<VoxelValues> sourceValues_, values_;  ///< values_: of a rebuilt tree
 };

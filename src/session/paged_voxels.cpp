@@ -48,12 +48,11 @@ class PageBlocks : public asvo::BlockSource {
   asvo::Shade shade(const asvo::Triangle& triangle, const Reading& reading, float u,
                     float v) const override {
     vec2 uv(0.0f);
-    vec3 color(1.0f);
+    vec4 color(1.0f);
     if (triangle.shadeKey != kPlain) {
       const vec4* corners = &reading.extra[triangle.shadeKey];
-      const vec4 colors = (1.0f - u - v) * corners[0] + u * corners[1] + v * corners[2];
       const vec4 places = (1.0f - u - v) * corners[3] + u * corners[4] + v * corners[5];
-      color = vec3(colors);
+      color = (1.0f - u - v) * corners[0] + u * corners[1] + v * corners[2];
       uv = vec2(places);
     }
     return voxelShade(scene_.materials[triangle.material], scene_.images, uv, color);

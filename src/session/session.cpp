@@ -35,8 +35,7 @@ Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
   layers_.alpha |= settings_.transparent;
   makeFrames();
   const RayScene& rays = *model_->rays;
-  lights_ = std::make_unique<LightSet>(model_->scene, rays.renderOrigin(), rays.bounds(),
-                                       rays.visibility());
+  lights_ = std::make_unique<LightSet>(model_->scene, rays);
   report_.mesh = rays.statistics();
   report_.meshSeconds = model_->meshSeconds;
   report_.voxelSeconds = model_->voxelSeconds;

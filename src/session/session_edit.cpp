@@ -156,8 +156,7 @@ void Session::follow(const Invalidation& what, const Camera& camera) {
       std::make_unique<CameraRays>(camera, rays.renderOrigin(), settings_.width, settings_.height);
   const double power = lights_->totalPower();
   if (what.lights) {
-    lights_ = std::make_unique<LightSet>(model_->scene, rays.renderOrigin(), rays.bounds(),
-                                         rays.visibility());
+    lights_ = std::make_unique<LightSet>(model_->scene, rays);
     if (light_ && power > 0.0) light_->cache->scaleLight(lights_->totalPower() / power);
   }
   if (what.flux && nextLight() != nullptr) {

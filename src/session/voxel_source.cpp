@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "src/core/error.h"
+#include "src/scene/emission.h"
 #include "src/scene/look.h"
 #include "src/scene/texture.h"
 
@@ -31,11 +32,11 @@ vec3 meanColor(const std::vector<Image>& images, const Texture& texture) {
 }
 
 asvo::Shade voxelShade(const Material& m, const std::vector<Image>& images, vec2 uv,
-                       const vec3& vertexColor) {
+                       const vec4& vertexColor) {
   asvo::Shade out;
   out.albedo =
-      voxelAlbedo(m, vec3(m.baseColor) * vertexColor * textured(images, m.baseColorTexture, uv));
-  out.emission = m.emission * textured(images, m.emissiveTexture, uv);
+      voxelAlbedo(m, vec3(m.baseColor * vertexColor) * textured(images, m.baseColorTexture, uv));
+  out.emission = emissionAt(m, images, uv) * coverageAt(m, images, uv, vertexColor.w);
   out.emitsBack = m.doubleSided;
   return out;
 }
@@ -83,12 +84,12 @@ asvo::Shade VoxelSource::shade(const asvo::Triangle& triangle, float u, float v)
     return (1.0f - u - v) * values(t.x) + u * values(t.y) + v * values(t.z);
   };
   vec2 uv(0.0f);
-  vec3 color(1.0f);
+  vec4 color(1.0f);
   if (!placed.mesh->texCoords.empty()) {
     uv = mix([&](std::uint32_t k) { return placed.mesh->texCoords[k]; });
   }
   if (!placed.mesh->colors.empty()) {
-    color = mix([&](std::uint32_t k) { return vec3(placed.mesh->colors[k]) / 255.0f; });
+    color = mix([&](std::uint32_t k) { return vec4(placed.mesh->colors[k]) / 255.0f; });
   }
   return voxelShade(m, scene_.images, uv, color);
 }

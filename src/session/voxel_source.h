@@ -39,9 +39,10 @@ class VoxelSource : public asvo::TriangleSource {
 vec3 voxelAlbedo(const Material& material, const vec3& baseColor);
 /// Mean of a texture's colour, one if there is none.
 vec3 meanColor(const std::vector<Image>& images, const Texture& texture);
-/// The shade of a surface point; `vertexColor` multiplies the base colour.
+/// The shade of a surface point; `vertexColor` multiplies the base colour. Emission is that of the
+/// part that is there.
 asvo::Shade voxelShade(const Material& material, const std::vector<Image>& images, vec2 uv,
-                       const vec3& vertexColor);
+                       const vec4& vertexColor);
 
 /// What photons need to know of each material when they meet a voxel.
 std::vector<shaderio::PhotonMaterial> photonMaterials(const std::vector<Material>& materials,

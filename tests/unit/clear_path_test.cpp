@@ -40,7 +40,7 @@ Mesh pane(float half, float y, float thickness, int material) {
 vec3 render(const Scene& scene, std::uint32_t samples) {
   constexpr std::uint32_t kSide = 8;
   const RayScene rays(scene);
-  const LightSet lights(scene, rays.renderOrigin(), rays.bounds());
+  const LightSet lights(scene, rays);
   const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
   const Integrator integrator(scene, rays, lights, camera, GuessOptions{}, 0);
   Moments all;

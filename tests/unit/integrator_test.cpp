@@ -13,7 +13,7 @@ constexpr std::uint32_t kSide = 16;
 /// Mean radiance of an exact picture of 16x16 pixels.
 vec3 render(const Scene& scene, std::uint32_t samples, double* deviation = nullptr) {
   const RayScene rays(scene);
-  const LightSet lights(scene, rays.renderOrigin(), rays.bounds());
+  const LightSet lights(scene, rays);
   const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
   const Integrator integrator(scene, rays, lights, camera, GuessOptions{}, 0);
   Moments all;

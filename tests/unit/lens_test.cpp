@@ -25,7 +25,7 @@ Dot seeDot(const Camera& camera, float depth, std::uint32_t samples) {
               test::box(vec3(-half, -half, -depth - 0.01f), vec3(half, half, -depth), 0, false));
   scene.cameras = {camera};
   const RayScene rays(scene);
-  const LightSet lights(scene, rays.renderOrigin(), rays.bounds());
+  const LightSet lights(scene, rays);
   const CameraRays view(camera, rays.renderOrigin(), kSide, kSide);
   const Integrator integrator(scene, rays, lights, view, GuessOptions{}, 0);
   Dot dot;
@@ -93,15 +93,17 @@ TEST(Lens, RaysOfAPixelMeetInThePlaneOfFocus) {
   for (std::uint32_t i = 0; i < 64; ++i) {
     Sampler sampler(i, 0, 0);
     const vec2 at = sampler.next2D() * static_cast<float>(kSide);
-    vec3 eye, straight;
+    dvec3 eye;
+    vec3 straight;
     view.ray(at.x, at.y, eye, straight);
     auto origin = eye;
     auto direction = straight;
     view.throughLens(sampler.next2D(), origin, direction);
-    EXPECT_NEAR(glm::dot(origin - eye, camera.forward), 0.0f, 1e-6f);
-    EXPECT_LT(glm::length(origin - eye), camera.lensRadius() * 1.0001f);
-    const vec3 sharp = eye + straight * (5.0f / glm::dot(straight, camera.forward));
-    const vec3 met = origin + direction * (5.0f / glm::dot(direction, camera.forward));
+    const vec3 moved(origin - eye);
+    EXPECT_NEAR(glm::dot(moved, camera.forward), 0.0f, 1e-6f);
+    EXPECT_LT(glm::length(moved), camera.lensRadius() * 1.0001f);
+    const vec3 sharp = straight * (5.0f / glm::dot(straight, camera.forward));
+    const vec3 met = moved + direction * (5.0f / glm::dot(direction, camera.forward));
     EXPECT_LT(glm::length(sharp - met), 1e-5f);
   }
 }
@@ -121,8 +123,9 @@ TEST(Environment, TheCentreOfAMapLiesAtMinusZ) {
   }
   Scene scene = test::furnace(0.5f);
   scene.environment.map = map;
+  const RayScene rays(scene);
   const auto along = [&](const vec3& direction) {
-    return LightSet(scene, dvec3(0.0), Box3f{vec3(-1.0f), vec3(1.0f)}).environment(direction);
+    return LightSet(scene, rays).environment(direction);
   };
   scene.environment.color = vec3(1.0f);
   EXPECT_NEAR(along(vec3(0, 0, -1)).x, 3.5f, 1e-4f);  // between the two texels of the middle

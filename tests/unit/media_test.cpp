@@ -139,7 +139,7 @@ TEST(Media, ThinWhiteFogInEvenLightIsInvisible) {
     scene.media[0].albedo = vec3(1.0f);
     scene.media[0].density = 0.02f;
     const RayScene rays(scene);
-    const LightSet lights(scene, rays.renderOrigin(), rays.bounds());
+    const LightSet lights(scene, rays);
     const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), 16, 16);
     const Integrator integrator(scene, rays, lights, camera, GuessOptions{}, 0);
     Moments all;

@@ -81,7 +81,7 @@ constexpr std::uint64_t kBatch = 1u << 13, kBatches = 12;
 
 Shot shoot(const Scene& scene, bool guided, std::uint32_t seed = 0) {
   const RayScene rays(scene);
-  const LightSet lights(scene, rays.renderOrigin(), rays.bounds());
+  const LightSet lights(scene, rays);
   const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
   const ImportanceMap importance(scene, rays, camera, kSide, kSide, seed);
   Shot shot;
@@ -253,10 +253,10 @@ TEST(PhotonGuide, EverythingWantedCostsLittle) {
 TEST(PhotonGuide, InsideSourcesHaveNoGuide) {
   const Scene scene = test::furnace(0.5f);
   const RayScene rays(scene);
-  EXPECT_TRUE(LightSet(scene, rays.renderOrigin(), rays.bounds()).guides().empty());
+  EXPECT_TRUE(LightSet(scene, rays).guides().empty());
   Scene both = scene;
   both.environment.color = vec3(1.0f);
-  const LightSet lights(both, rays.renderOrigin(), rays.bounds());
+  const LightSet lights(both, rays);
   const auto guides = lights.guides();
   ASSERT_EQ(guides.size(), 2u);
   EXPECT_EQ(guides[0].dimensions(), 0);

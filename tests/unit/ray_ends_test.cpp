@@ -54,7 +54,7 @@ Scene lampOverFloor(float halfFloor, double place, double scale = 1.0) {
 float render(const Scene& scene, std::uint32_t samples = 512,
              const RayScene::Options& options = {}) {
   const RayScene rays(scene, options);
-  const LightSet lights(scene, rays.renderOrigin(), rays.bounds());
+  const LightSet lights(scene, rays);
   const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), 1, 1);
   const Integrator integrator(scene, rays, lights, camera, GuessOptions{}, 0);
   Moments all;

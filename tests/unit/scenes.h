@@ -16,6 +16,19 @@ inline Material lambert(float albedo, float emission = 0.0f) {
   return m;
 }
 
+/// A level square from (low, low) to (high, high) that faces up or down, with a texture's u along x
+/// and v along z.
+inline Mesh panel(float low, float high, float height, int material, bool up) {
+  Mesh mesh;
+  mesh.material = material;
+  mesh.positions = {vec3(low, height, low), vec3(high, height, low), vec3(high, height, high),
+                    vec3(low, height, high)};
+  mesh.texCoords = {vec2(0.0f, 0.0f), vec2(1.0f, 0.0f), vec2(1.0f, 1.0f), vec2(0.0f, 1.0f)};
+  mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
+  if (up) mesh.triangles = {{0, 2, 1}, {0, 3, 2}};
+  return mesh;
+}
+
 /// The twelve triangles of a box; fronts look inwards or outwards.
 inline Mesh box(const vec3& lower, const vec3& upper, int material, bool inwards) {
   Mesh mesh;

@@ -51,7 +51,7 @@ Scene sphereInTheSun(unsigned segments, unsigned rings) {
 
 vec3 mean(const Scene& scene, std::uint32_t side, std::uint32_t samples) {
   const RayScene rays(scene);
-  const LightSet lights(scene, rays.renderOrigin(), rays.bounds());
+  const LightSet lights(scene, rays);
   const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), side, side);
   const Integrator integrator(scene, rays, lights, camera, GuessOptions{}, 0);
   Moments all;
@@ -68,7 +68,7 @@ TEST(SmoothSurfaces, TerminatorHasNoFacets) {
   const Scene scene = sphereInTheSun(24, 12);
   const vec3 towards = -scene.lights[0].direction;
   const RayScene rays(scene);
-  const LightSet lights(scene, rays.renderOrigin(), rays.bounds());
+  const LightSet lights(scene, rays);
   double worst = 0.0, difference = 0.0;
   int points = 0;
   for (int i = 0; i < 4000; ++i) {

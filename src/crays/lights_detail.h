@@ -1,0 +1,38 @@
+// What the sources of LightSet share. Not for other files.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "src/core/maths.h"
+#include "src/scene/scene.h"
+
+namespace trex {
+
+/// Falloff of KHR_lights_punctual: 1 inside the inner cone, 0 outside the outer one.
+inline float spotFactor(const Light& light, float cosine) {
+  if (light.type != Light::Type::kSpot) return 1.0f;
+  const float outer = std::cos(light.outerConeAngle);
+  const float scale = 1.0f / std::max(0.001f, std::cos(light.innerConeAngle) - outer);
+  const float x = std::clamp((cosine - outer) * scale, 0.0f, 1.0f);
+  return x * x;
+}
+
+inline vec3 uniformSphere(vec2 u) {
+  const float z = 1.0f - 2.0f * u.x, r = std::sqrt(std::max(0.0f, 1.0f - z * z));
+  return vec3(r * std::cos(2.0f * kPi * u.y), r * std::sin(2.0f * kPi * u.y), z);
+}
+
+/// A number in [0, 1) of more digits than a float: a choice among millions leaves some of it.
+inline double longNumber(double first, double second) { return first + 0x1p-24 * second; }
+inline double longNumber(const vec2& u) { return longNumber(u.x, u.y); }
+
+/// Sums before each weight, and the total.
+inline std::vector<double> cumulate(const std::vector<double>& weights) {
+  std::vector<double> sums(weights.size() + 1, 0.0);
+  for (std::size_t i = 0; i < weights.size(); ++i) sums[i + 1] = sums[i] + weights[i];
+  return sums;
+}
+
+}  // namespace trex
