@@ -62,11 +62,13 @@ inline bool Candidate::meets(const layout::ClusterHeader& h, const std::byte* ve
   u = glm::dot(a, glm::cross(ray.direction, e2)) / determinant;
   v = glm::dot(ray.direction, glm::cross(a, e1)) / determinant;
   // Single precision has let it through at an edge. A point on the edge itself would be as close to
-  // the plane of the neighbour as a point can be, so it moves inside by a millionth.
-  constexpr double kInside = 0x1p-20;
+  // the plane of the neighbour as a point can be, so it moves inside by a millionth, but no more
+  // than a thousandth of a cell.
   if (!(u >= 0.0 && v >= 0.0 && u + v <= 1.0)) {
-    u = std::clamp(u, kInside, 1.0), v = std::clamp(v, kInside, 1.0);
-    const double most = std::max(1.0, (u + v) * (1.0 + kInside));
+    const double inside =
+        std::min(0x1p-20, 0x1p-10 / std::sqrt(std::max(glm::dot(e1, e1), glm::dot(e2, e2))));
+    u = std::clamp(u, inside, 1.0), v = std::clamp(v, inside, 1.0);
+    const double most = std::max(1.0, (u + v) * (1.0 + inside));
     u /= most, v /= most;
     t = glm::dot(a + u * e1 + v * e2, ray.direction) / glm::dot(ray.direction, ray.direction);
   }

@@ -83,14 +83,14 @@ ClearWalk ClearLayers::walk(const RayStart& start, const vec3& direction, const 
   ClearWalk walk{.start = start, .direction = direction, .absorption = absorption};
   RayEnd rest = end;
   for (int layer = 0; layer < kMost; ++layer) {
+    float left = end.distance;
     if (end.point) {
-      rest.distance =
-          std::max(glm::dot(vec3(*end.point - walk.start.position), walk.direction), 0.0f);
-      if (walk.path.begun()) rest.distance *= kBeforeTheEnd;
+      left = std::max(glm::dot(vec3(*end.point - walk.start.position), walk.direction), 0.0f);
+      rest.distance = walk.path.begun() ? left * kBeforeTheEnd : left;
     }
     RayHit hit;
     if (!rays_.intersect(walk.start, walk.direction, 0.0f, rest, hit)) {
-      if (end.point) walk.advance(rest.distance);
+      if (end.point) walk.advance(left);
       return walk;
     }
     walk.advance(hit.t);
