@@ -19,6 +19,17 @@
 
 namespace trex {
 namespace fs = std::filesystem;
+namespace {
+
+/// The operator that was asked for.
+ToneMap toneMapOf(const RenderArguments& a, float exposure) {
+  const auto& names = toneOperatorNames();
+  const auto at = std::find(names.begin(), names.end(), a.tonemap) - names.begin();
+  return {exposure, static_cast<ToneOperator>(at)};
+}
+
+}  // namespace
+
 std::uint64_t jobKey(const RenderArguments& a, const Model& model, const std::vector<View>& views) {
   const RenderSettings& s = a.settings;
   std::string text =
@@ -130,13 +141,6 @@ float exposureOf(const RenderArguments& a, const Picture& picture) {
     fail(ExitCode::kUsage, "--exposure {}: want stops or auto", a.exposure);
   }
   return stops;
-}
-
-/// The operator that was asked for.
-static ToneMap toneMapOf(const RenderArguments& a, float exposure) {
-  const auto& names = toneOperatorNames();
-  const auto at = std::find(names.begin(), names.end(), a.tonemap) - names.begin();
-  return {exposure, static_cast<ToneOperator>(at)};
 }
 
 void Capture::save(Session& session, const View& view, bool report) {

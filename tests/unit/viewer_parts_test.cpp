@@ -1,4 +1,4 @@
-// Power of lights, hidden objects, section planes, bookmarks.
+// Power of lights, hidden objects, section planes, bookmarks, the bytes of the screen.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -8,6 +8,7 @@
 
 #include "src/viewer/bookmarks.h"
 #include "src/viewer/light_units.h"
+#include "src/viewer/screen_picture.h"
 #include "src/viewer/visibility.h"
 
 namespace trex {
@@ -112,6 +113,25 @@ TEST(Bookmarks, EachModelHasItsOwnFile) {
   setenv("XDG_STATE_HOME", "/state", 1);
   EXPECT_NE(bookmarksFile("/a/model.glb"), bookmarksFile("/b/model.glb"));
   EXPECT_EQ(bookmarksFile("/a/model.glb").parent_path(), "/state/trex/views");
+}
+
+/// The screen's table gives the bytes that a file would have, for every operator.
+TEST(ScreenPicture, ShowsTheBytesOfAFile) {
+  std::vector<vec3> linear;
+  for (float x = 1e-6f; x < 100.0f; x *= 1.003f)
+    linear.emplace_back(x, 0.3f * x, 2.0f / (1.0f + x));
+  linear.emplace_back(std::nanf(""), -1.0f, kInfinity);
+  for (const ToneOperator op : {ToneOperator::kCut, ToneOperator::kNeutral, ToneOperator::kAgx}) {
+    const ToneMap toneMap{-0.7f, op};
+    std::vector<std::uint8_t> rgba;
+    toneMapTo(linear, toneMap, rgba);
+    for (std::size_t i = 0; i < linear.size(); ++i) {
+      const vec3 expected = toneMap.apply(linear[i]) * 255.0f;
+      for (int c = 0; c < 3; ++c) {
+        ASSERT_EQ(rgba[4 * i + static_cast<std::size_t>(c)], std::lround(expected[c])) << i;
+      }
+    }
+  }
 }
 
 }  // namespace
