@@ -9,7 +9,7 @@ namespace {
 /// A node is opened where the point is closer to its centre than this many radii.
 constexpr float kClose = 1.5f;
 /// Nodes that are weighed at least, if there are as many.
-constexpr int kLeastCut = 12;
+constexpr int kLeastCut = 8;
 /// Of a light that a surface sees from behind, as bounds have it: shading normals, rounding.
 constexpr float kLeastCosine = 0.02f;
 constexpr float kLeastDistance2 = 1e-12f;

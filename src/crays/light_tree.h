@@ -45,7 +45,7 @@ struct LightBounds {
 class LightTree {
  public:
   static constexpr std::uint32_t kNoLight = 0xffffffffu;
-  static constexpr int kMostCut = 48;
+  static constexpr int kMostCut = 32;
 
   LightTree() = default;
   /// Numbers of lights are those of the span. Boxes should fit the unit sphere and powers (0, 1],
