@@ -129,6 +129,77 @@ TEST(Emitters, BlendedLampsShineWithWhatIsThere) {
   expectFloor(scene, 0.4, 0.5, [](double x, double) { return x + 0.5; });
 }
 
+/// A lamp of 1 m at (x, 1.5, 0), of a material of its own.
+Material& addLamp(Scene& scene, float x) {
+  Mesh mesh = test::panel(-0.5f, 0.5f, 1.5f, static_cast<int>(scene.materials.size()), false);
+  mesh.origin = dvec3(x, 0.0, 0.0);
+  test::place(scene, std::move(mesh));
+  scene.materials.push_back(test::lambert(0.3f, 2.0f));
+  return scene.materials.back();
+}
+
+/// A picture, a cut-out, and glass that shines on its coloured side, in a box.
+Scene threeLamps() {
+  Scene scene;
+  scene.materials = {test::lambert(0.6f)};
+  test::place(scene, test::box(vec3(-2.5f, 0.0f, -1.5f), vec3(2.5f, 2.0f, 1.5f), 0, true));
+  texture(scene, addLamp(scene, -1.3f).emissiveTexture,
+          picture(8, 8, 3, [](int x, int y, int c) { return (x + y) % 3 == c % 2 ? 255 : 20; }));
+  Material& cut = addLamp(scene, 0.0f);
+  cut.alphaMode = AlphaMode::kMask;
+  texture(scene, cut.baseColorTexture, picture(4, 4, 4, [](int x, int y, int c) {
+            return c < 3 || (x ^ y) % 2 == 0 ? 255 : 0;
+          }));
+  Material& faint = addLamp(scene, 1.3f);
+  faint.alphaMode = AlphaMode::kBlend;
+  faint.doubleSided = true;
+  scene.meshes.back().colors = {
+      {255, 255, 255, 10}, {255, 90, 255, 250}, {40, 255, 255, 250}, {255, 255, 255, 10}};
+  scene.cameras = {test::lookAt(dvec3(2.2, 1.2, 1.3), dvec3(-0.6, 0.7, -0.4), 1.3f)};
+  return scene;
+}
+
+/// Exact pictures of 16x16 pixels; `lights` may know of none: rays then find all light by chance.
+std::vector<Moments> exactPicture(const Scene& scene, const RayScene& rays,
+                                  const LightSet& lights) {
+  const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), 16, 16);
+  const Integrator integrator(scene, rays, lights, camera, GuessOptions{}, 0);
+  std::vector<Moments> pixels(256);
+  std::vector<ConeRequest> cones;
+  RayCounts counts;
+  for (std::uint32_t p = 0; p < 256; ++p) {
+    for (std::uint32_t s = 0; s < 512; ++s) {
+      pixels[p].add(integrator.sample(p % 16, p / 16, 16, s, false, 0, cones, counts).common);
+    }
+  }
+  return pixels;
+}
+
+TEST(Emitters, LightSamplingAgreesWithRaysAlone) {
+  const Scene scene = threeLamps();
+  Scene dark = scene;
+  for (Material& m : dark.materials) m.emission = vec3(0.0f);
+  const RayScene rays(scene), darkRays(dark);
+  const auto sampled = exactPicture(scene, rays, LightSet(scene, rays));
+  const auto alone = exactPicture(scene, rays, LightSet(dark, darkRays));
+  int beyond = 0;
+  dvec3 difference(0.0), variance(0.0), noise(0.0), noiseAlone(0.0);
+  for (std::size_t p = 0; p < sampled.size(); ++p) {
+    const dvec3 d = sampled[p].mean() - alone[p].mean();
+    const dvec3 v = sampled[p].varianceOfMean() + alone[p].varianceOfMean();
+    for (int c = 0; c < 3; ++c) beyond += d[c] * d[c] > 12.0 * v[c];  // 3.5 deviations: 1 in 2000
+    difference += d;
+    variance += v;
+    noise += sampled[p].varianceOfMean();
+    noiseAlone += alone[p].varianceOfMean();
+  }
+  EXPECT_LE(beyond, 6);  // of 768
+  for (int c = 0; c < 3; ++c) {
+    EXPECT_LT(std::abs(difference[c]), 3.5 * std::sqrt(variance[c])) << c;
+    EXPECT_LT(noise[c], 0.7 * noiseAlone[c]) << c;
+  }
+}
+
 /// A few sparks on a black picture, seen through instances that turn and mirror it.
 Scene sparks(const dmat4& placed) {
   Scene scene = room(1.0f);
