@@ -62,6 +62,7 @@ void LightTree::cut(const vec3& position, const vec3& normal, Cut& out) const {
       const vec3 away = position - node.centre;
       if (weighed < kLeastCut ||
           glm::dot(away, away) < kClose * kClose * node.radius * node.radius) {
+        __builtin_prefetch(&nodes_[node.right]);
         queue[tail++] = index + 1;
         queue[tail++] = node.right;
         continue;
@@ -92,6 +93,7 @@ bool LightTree::choose(const Cut& cut, double u, Choice& out) const {
   u = std::min(target / static_cast<double>(cut.weights[which]), 0x1.fffffffffffffp-1);
   std::uint32_t index = cut.nodes[which];
   while (!isLeaf(nodes_[index])) {
+    __builtin_prefetch(&nodes_[nodes_[index].right]);
     const float left = weigh(nodes_[index + 1], cut.position, cut.normal);
     const float right = weigh(nodes_[nodes_[index].right], cut.position, cut.normal);
     if (!(left + right > 0.0f)) return false;

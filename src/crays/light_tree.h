@@ -84,8 +84,9 @@ class LightTree {
   float chance(const Cut& cut, std::uint32_t light) const;
 
  private:
-  /// Lights [first, first + count) of the order; the left child is the next node.
-  struct Node {
+  /// Lights [first, first + count) of the order; the left child is the next node. A cache line
+  /// each: that they are not there yet is half of what a choice among thousands costs.
+  struct alignas(64) Node {
     vec3 centre;
     float radius;  ///< of the sphere around the box
     vec3 axis;
