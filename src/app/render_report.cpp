@@ -51,6 +51,8 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
       {"aim_seconds", r.aimSeconds},
       {"render_seconds", r.renderSeconds},
       {"photon_seconds", r.photonSeconds},
+      {"caustic_seconds", r.causticSeconds},
+      {"caustic_photons", r.causticPhotons},
       {"filter_seconds", r.filterSeconds},
       {"photons", r.photons},
       {"photons_landed", r.photonsLanded},

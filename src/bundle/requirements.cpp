@@ -6,6 +6,7 @@
 
 #include "asvo/medium.h"
 #include "src/core/memory.h"
+#include "src/crays/caustics.h"
 #include "src/crays/ray_scene.h"
 #include "src/scene/import.h"
 
@@ -44,6 +45,7 @@ std::vector<Requirement> requirementsOf(const Scene& scene, bool voxels) {
     transparent |= material.alphaMode != AlphaMode::kOpaque || material.transmission > 0.0f;
     scatters |= !material.unlit;
   }
+  const bool caustics = CausticMaps::needed(scene);
   std::uint64_t mediaBytes = 0;
   for (const Medium& m : scene.media) mediaBytes += m.grid->bytes();
   const bool lit = hasLight(scene), photons = lit && scatters && voxels;
@@ -68,7 +70,10 @@ std::vector<Requirement> requirementsOf(const Scene& scene, bool voxels) {
           {"photons", photons,
            photons   ? "light bounces"
            : !voxels ? "there are no voxels"
-                     : "no light can bounce"}};
+                     : "no light can bounce"},
+          {"caustics", caustics,
+           caustics ? "mirrors or glass bend the light of suns, points or spots"
+                    : "no mirror or clear glass meets a sun, point or spot"}};
 }
 
 }  // namespace trex::bundle

@@ -64,6 +64,7 @@ struct Integrator::Path {
   PathSample result{};
   std::uint32_t pixelTag;
   bool paired, coupled;
+  const CausticMap* caustics;     // of this sample; may be null
   LightPoint vertex{vec3(0.0f)};  // the last that scattered, reflected or bent the path
   ClearPath clear{};              // since then
   RayStart start{};
@@ -107,7 +108,7 @@ struct Integrator::Path {
 
 Integrator::Integrator(const Scene& scene, const RayScene& rays, const LightSet& lights,
                        const CameraRays& camera, const GuessOptions& guess, std::uint32_t seed,
-                       bool background)
+                       bool background, const CausticMaps* caustics)
     : scene_(scene),
       rays_(rays),
       lights_(lights),
@@ -116,7 +117,8 @@ Integrator::Integrator(const Scene& scene, const RayScene& rays, const LightSet&
       guess_(guess),
       seed_(seed),
       background_(background),
-      layers_(scene, rays) {}
+      layers_(scene, rays),
+      caustics_(caustics) {}
 
 PathSample Integrator::sample(std::uint32_t x, std::uint32_t y, std::uint32_t width,
                               std::uint32_t sample, bool paired, std::uint32_t pixelTag,
@@ -126,7 +128,8 @@ PathSample Integrator::sample(std::uint32_t x, std::uint32_t y, std::uint32_t wi
             .counts = counts,
             .pixelTag = pixelTag,
             .paired = paired,
-            .coupled = true};
+            .coupled = true,
+            .caustics = caustics_ ? caustics_->find(sample) : nullptr};
   const vec2 jitter = path.sampler.next2D();
   camera_.ray(static_cast<float>(x) + jitter.x, static_cast<float>(y) + jitter.y,
               path.start.position, path.direction);
@@ -245,6 +248,9 @@ bool Integrator::meet(Path& path) const {
 
   const bool coneVertex = guess_.cones && path.coupled && bsdf.cacheable() && !bsdf.onlyDelta();
   if (!bsdf.onlyDelta() && !lights_.empty()) sampleLight(path, surface, bsdf, coneVertex);
+  if (!bsdf.onlyDelta() && path.caustics != nullptr) {
+    path.add(path.throughput * path.caustics->radiance(surface, bsdf), path.scattered == 0);
+  }
   return scatter(path, surface, bsdf, coneVertex);
 }
 

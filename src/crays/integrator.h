@@ -13,6 +13,7 @@
 
 #include "src/core/sampler.h"
 #include "src/crays/bsdf.h"
+#include "src/crays/caustics.h"
 #include "src/crays/clear_path.h"
 #include "src/crays/light_cache.h"
 #include "src/crays/lights.h"
@@ -94,10 +95,11 @@ struct GuessOptions {
 /// Immutable; sample() is thread safe.
 class Integrator {
  public:
-  /// `background`: rays of the camera that meet nothing see the environment.
+  /// `background`: rays of the camera that meet nothing see the environment. `caustics` (may be
+  /// null) must have prepared the maps of the samples that read them.
   Integrator(const Scene& scene, const RayScene& rays, const LightSet& lights,
              const CameraRays& camera, const GuessOptions& guess, std::uint32_t seed,
-             bool background = true);
+             bool background = true, const CausticMaps* caustics = nullptr);
 
   /// Traces sample number `sample` of pixel (x, y). `paired` asks for X as well; without a cache X
   /// is all there is and goes to `common`. Cone requests are appended with `pixelTag`.
@@ -138,6 +140,7 @@ class Integrator {
   std::uint32_t seed_;
   bool background_;
   ClearLayers layers_;
+  const CausticMaps* caustics_;
 };
 
 }  // namespace trex

@@ -51,6 +51,7 @@ Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
     const double filters = settings_.exact > 0.0 ? 2.0 : 1.0;
     filterEstimate_ = filters * filterSeconds() * settings_.width * settings_.height;
   }
+  makeCaustics();
   makeIntegrators();
 }
 

@@ -42,8 +42,10 @@ class CheckpointReader;
 /// Seconds by phase, counts and memory, for --json and the progress line.
 struct SessionReport {
   double meshSeconds = 0, voxelSeconds = 0, deviceSeconds = 0, aimSeconds = 0;  ///< set-up
-  double renderSeconds = 0;  ///< in run(), and aiming photons before
-  double photonSeconds = 0;  ///< of these
+  double renderSeconds = 0;   ///< in run(), and aiming photons before
+  double photonSeconds = 0;   ///< of these
+  double causticSeconds = 0;  ///< of these, for maps of caustics
+  std::uint64_t causticPhotons = 0;
   double filterSeconds = 0;  ///< of the last picture()
   GRayStatistics gRays;
   std::uint32_t samplesDone = 0;  ///< complete passes
@@ -167,6 +169,8 @@ class Session {
   void renewLight();
   void makeFrames();
   void makeIntegrators();
+  void makeCaustics();
+  void prepareCaustics(const Batch& batch);
   bool wantsGuess() const;
   Step nextStep(const std::function<bool()>& keepGoing, vec2 pointer);
   LightSide* nextLight() const;
@@ -190,6 +194,7 @@ class Session {
   enum class Stale : std::uint8_t { kNothing, kPhotons, kDevice, kValues };
   Stale stale_ = Stale::kNothing;
   std::function<void()> beforeLight_;
+  std::unique_ptr<CausticMaps> caustics_;  ///< null where the scene has none
   std::unique_ptr<CameraRays> camera_;
   std::unique_ptr<Integrator> integrator_, previewIntegrator_;
   std::unique_ptr<FrameBuffers> frame_, preview_;  ///< preview_: the viewer's alone

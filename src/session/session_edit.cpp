@@ -100,6 +100,7 @@ void Session::resize(std::uint32_t width, std::uint32_t height) {
     settings_.photons = side->pass->resolved();
   }
   camera_ = std::make_unique<CameraRays>(view_, model_->rays->renderOrigin(), width, height);
+  makeCaustics();
   makeIntegrators();
 }
 
@@ -126,7 +127,7 @@ void Session::startLight() {
 }
 
 void Session::makeIntegrators() {
-  const auto make = [&](const LightSide* side) {
+  const auto make = [&](const LightSide* side, const CausticMaps* caustics) {
     GuessOptions guess;
     if (settings_.exact < 1.0 && side != nullptr && lights_->anyPower()) {
       guess.cache = side->cache.get();
@@ -135,13 +136,21 @@ void Session::makeIntegrators() {
     }
     report_.cones = guess.cones;
     return std::make_unique<Integrator>(model_->scene, *model_->rays, *lights_, *camera_, guess,
-                                        settings_.seed, !settings_.transparent);
+                                        settings_.seed, !settings_.transparent, caustics);
   };
-  integrator_ = make(light_.get());
+  integrator_ = make(light_.get(), caustics_.get());
   if (!settings_.interactive) return;
   // Light of another time serves previews, if there is any.
   const bool old = light_ && light_->cache->hasLight();
-  previewIntegrator_ = make(old ? light_.get() : nullptr);
+  previewIntegrator_ = make(old ? light_.get() : nullptr, nullptr);
+}
+
+/// Maps are made when samples ask for them.
+void Session::makeCaustics() {
+  caustics_.reset();
+  if (!CausticMaps::needed(model_->scene)) return;
+  const std::uint64_t pixels = std::uint64_t{settings_.width} * settings_.height;
+  caustics_ = std::make_unique<CausticMaps>(model_->scene, *model_->rays, pixels, settings_.seed);
 }
 
 void Session::voxelsAreComing() {
@@ -159,6 +168,7 @@ void Session::follow(const Invalidation& what, const Camera& camera) {
     lights_ = std::make_unique<LightSet>(model_->scene, rays);
     if (light_ && power > 0.0) light_->cache->scaleLight(lights_->totalPower() / power);
   }
+  if (what.flux || what.lights) makeCaustics();
   if (what.flux && nextLight() != nullptr) {
     stale_ = std::max(stale_, what.voxelValues ? Stale::kValues : Stale::kPhotons);
   }

@@ -90,6 +90,10 @@ SessionReport Session::report() const {
     out.gRays = side->device->statistics();
     out.device = side->device->name();  // it may have failed, and another gone on
   }
+  if (caustics_) {
+    out.causticPhotons = caustics_->photons();
+    out.causticSeconds = caustics_->seconds();
+  }
   out.nonFinite = frame_->sums.nonFiniteCount();
   return out;
 }

@@ -40,6 +40,17 @@ void Session::addJobs(const FrameBuffers& frame, const TileUnit& unit, Batch& ba
   }
 }
 
+void Session::prepareCaustics(const Batch& batch) {
+  if (!caustics_) return;
+  std::vector<std::uint32_t> samples;
+  for (const Batch::Job& job : batch.jobs) {
+    if (std::find(samples.begin(), samples.end(), job.sample) == samples.end()) {
+      samples.push_back(job.sample);
+    }
+  }
+  caustics_->prepare(samples);
+}
+
 /// First stage: C-rays on all CPU threads; the cones start on the device.
 void Session::trace(const Integrator& integrator, Batch& batch) {
   const std::size_t count = batch.jobs.size(), chunks = (count + kChunk - 1) / kChunk;
@@ -48,6 +59,7 @@ void Session::trace(const Integrator& integrator, Batch& batch) {
   if (layers_.rayClass) batch.rays.assign(count, vec2(0.0f));
   batch.cones.resize(chunks);
   std::vector<RayCounts> counts(chunks);
+  if (&integrator == integrator_.get()) prepareCaustics(batch);
   const bool pairs = integrator.guesses() && &integrator != previewIntegrator_.get();
   tbb::parallel_for(std::size_t{0}, chunks, [&](std::size_t chunk) {
     batch.cones[chunk].clear();

@@ -4,37 +4,12 @@
 
 #include "src/crays/integrator.h"
 #include "src/frame/estimator.h"
-#include "tests/unit/scenes.h"
+#include "tests/unit/glass_scenes.h"
 
 namespace trex {
 namespace {
 
 constexpr float kAlbedo = 1e-3f;
-
-Material glass(bool volume) {
-  Material m;
-  m.metallic = 0.0f;
-  m.roughness = 0.0f;
-  m.transmission = 1.0f;
-  m.volume = volume;
-  return m;
-}
-
-/// A square of half side `half` about (0, y, 0), front upwards, turned about z by `tilt`.
-Mesh sheet(float half, float y, int material, float tilt = 0.0f) {
-  Mesh mesh;
-  mesh.material = material;
-  const vec3 x(std::cos(tilt), std::sin(tilt), 0.0f), z(0.0f, 0.0f, 1.0f), c(0.0f, y, 0.0f);
-  mesh.positions = {c - half * x - half * z, c - half * x + half * z, c + half * x + half * z,
-                    c + half * x - half * z};
-  mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
-  return mesh;
-}
-
-/// A pane from y to y + thickness.
-Mesh pane(float half, float y, float thickness, int material) {
-  return test::box(vec3(-half, y, -half), vec3(half, y + thickness, half), material, false);
-}
 
 /// Mean exact radiance of a picture of 8x8 pixels.
 vec3 render(const Scene& scene, std::uint32_t samples) {
@@ -59,7 +34,7 @@ vec3 render(const Scene& scene, std::uint32_t samples) {
 Scene floorAt(float x) {
   Scene scene;
   scene.materials = {test::lambert(kAlbedo)};
-  test::place(scene, sheet(12.0f, 0.0f, 0));
+  test::place(scene, test::sheet(12.0f, 0.0f, 0));
   scene.cameras = {test::lookAt(dvec3(x, 0.2, 0.01), dvec3(x, 0.0, 0.0), 0.002f)};
   return scene;
 }
@@ -67,13 +42,6 @@ Scene floorAt(float x) {
 /// Irradiance of the floor seen by the camera.
 vec3 irradiance(const Scene& scene, std::uint32_t samples = 1) {
   return render(scene, samples) * (kPi / kAlbedo);
-}
-
-Light pointLight(float height, float intensity) {
-  Light light;
-  light.position = dvec3(0.0, height, 0.0);
-  light.intensity = vec3(intensity);
-  return light;
 }
 
 struct Layer {
@@ -124,10 +92,10 @@ TEST(ClearPath, EndsWhereItsMediumWas) {
 TEST(ClearGlass, PointLightThroughAThinTintedSheet) {
   for (const float x : {0.0f, 1.0f, 6.0f}) {
     Scene scene = floorAt(x);
-    scene.materials.push_back(glass(false));
+    scene.materials.push_back(test::glass(false));
     scene.materials[1].baseColor = vec4(1.0f, 0.5f, 0.25f, 1.0f);
-    test::place(scene, sheet(8.0f, 1.0f, 1));
-    scene.lights = {pointLight(2.0f, 10.0f)};
+    test::place(scene, test::sheet(8.0f, 1.0f, 1));
+    scene.lights = {test::pointLight(dvec3(0.0, 2.0, 0.0), 10.0f)};
     const float d2 = x * x + 4.0f, cosine = 2.0f / std::sqrt(d2);
     const float once = fresnelDielectric(cosine, 1.5f);
     const vec3 right =
@@ -141,16 +109,16 @@ TEST(ClearGlass, PointLightThroughPanes) {
   for (const float x : {0.02f, 1.0f, 3.0f, 10.0f}) {
     for (const bool two : {false, true}) {
       Scene scene = floorAt(x);
-      scene.materials.push_back(glass(true));
-      scene.materials.push_back(glass(true));
+      scene.materials.push_back(test::glass(true));
+      scene.materials.push_back(test::glass(true));
       scene.materials[2].ior = 1.8f;
-      test::place(scene, pane(8.0f, 0.8f, 0.3f, 1));
+      test::place(scene, test::pane(8.0f, 0.8f, 0.3f, 1));
       std::vector<Layer> layers = {{0.3, 1.5}};
       if (two) {
-        test::place(scene, pane(8.0f, 1.3f, 0.2f, 2));
+        test::place(scene, test::pane(8.0f, 1.3f, 0.2f, 2));
         layers.push_back({0.2, 1.8});
       }
-      scene.lights = {pointLight(2.0f, 10.0f)};
+      scene.lights = {test::pointLight(dvec3(0.0, 2.0, 0.0), 10.0f)};
       EXPECT_NEAR(irradiance(scene).x / (10.0 * throughLayers(layers, 2.0, x)), 1.0, 5e-3)
           << x << ' ' << two;
     }
@@ -160,15 +128,11 @@ TEST(ClearGlass, PointLightThroughPanes) {
 TEST(ClearGlass, SunThroughAnAbsorbingPane) {
   for (const float angle : {0.0f, 0.7f, 1.3f}) {
     Scene scene = floorAt(0.0f);
-    scene.materials.push_back(glass(true));
+    scene.materials.push_back(test::glass(true));
     scene.materials[1].attenuationColor = vec3(0.8f, 0.4f, 0.1f);
     scene.materials[1].attenuationDistance = 0.1f;
-    test::place(scene, pane(8.0f, 1.0f, 0.05f, 1));
-    Light sun;
-    sun.type = Light::Type::kDirectional;
-    sun.direction = vec3(std::sin(angle), -std::cos(angle), 0.0f);
-    sun.intensity = vec3(3.0f);
-    scene.lights = {sun};
+    test::place(scene, test::pane(8.0f, 1.0f, 0.05f, 1));
+    scene.lights = {test::sun(vec3(std::sin(angle), -std::cos(angle), 0.0f), 3.0f)};
     const float inside = std::asin(std::sin(angle) / 1.5f);
     const float once = 1.0f - fresnelDielectric(std::cos(angle), 1.5f);
     const vec3 got = irradiance(scene);
@@ -183,15 +147,15 @@ TEST(ClearGlass, SunThroughAnAbsorbingPane) {
 /// Two sheets that cross, one of them half transparent by its alpha, and one that half scatters.
 TEST(ClearGlass, LayersOfAllKindsMultiply) {
   Scene scene = floorAt(0.0f);
-  scene.materials.resize(4, glass(false));
+  scene.materials.resize(4, test::glass(false));
   scene.materials[1].alphaMode = AlphaMode::kBlend;
   scene.materials[1].baseColor.w = 0.4f;
   scene.materials[2].transmission = 0.5f;
-  scene.materials[3] = glass(true);
-  test::place(scene, sheet(3.0f, 1.0f, 1));
-  test::place(scene, sheet(3.0f, 1.5f, 2));
-  test::place(scene, pane(3.0f, 1.6f, 0.1f, 3));
-  scene.lights = {pointLight(8.0f, 100.0f)};
+  scene.materials[3] = test::glass(true);
+  test::place(scene, test::sheet(3.0f, 1.0f, 1));
+  test::place(scene, test::sheet(3.0f, 1.5f, 2));
+  test::place(scene, test::pane(3.0f, 1.6f, 0.1f, 3));
+  scene.lights = {test::pointLight(dvec3(0.0, 8.0, 0.0), 100.0f)};
   const RayScene rays(scene);
   const ClearLayers layers(scene, rays);
   const vec3 from = vec3(dvec3(0.1, 0.5, 0.2) - rays.renderOrigin());
@@ -204,8 +168,8 @@ TEST(ClearGlass, LayersOfAllKindsMultiply) {
 
 TEST(ClearGlass, LensesRoughGlassAndSingleFacesAreNoPanes) {
   Scene scene = floorAt(0.0f);
-  scene.materials.resize(3, glass(true));
-  scene.materials[2] = glass(false);
+  scene.materials.resize(3, test::glass(true));
+  scene.materials[2] = test::glass(false);
   scene.materials[2].roughness = 0.5f;
   const auto passed = [&](Mesh mesh) {
     Scene with = scene;
@@ -215,8 +179,8 @@ TEST(ClearGlass, LensesRoughGlassAndSingleFacesAreNoPanes) {
     return ClearLayers(with, rays).connect(from, vec3(0.0f, 1.0f, 0.0f), 5.0f, vec3(0.0f)).passed;
   };
   EXPECT_EQ(passed(test::sphere(vec3(0.0f, 2.0f, 0.0f), 1.0f, 1, 32)), vec3(0.0f));
-  EXPECT_EQ(passed(sheet(3.0f, 1.0f, 1)), vec3(0.0f));
-  EXPECT_EQ(passed(sheet(3.0f, 1.0f, 2)), vec3(0.0f));
+  EXPECT_EQ(passed(test::sheet(3.0f, 1.0f, 1)), vec3(0.0f));
+  EXPECT_EQ(passed(test::sheet(3.0f, 1.0f, 2)), vec3(0.0f));
 }
 
 /// In a furnace glass can't be seen. Lamps are found by light sampling and by paths on every way
@@ -224,9 +188,9 @@ TEST(ClearGlass, LensesRoughGlassAndSingleFacesAreNoPanes) {
 TEST(ClearGlass, FurnaceWithGlassIsExact) {
   for (const int kind : {0, 1, 2}) {
     Scene scene = test::furnace(0.5f);
-    scene.materials.push_back(glass(kind > 0));
-    if (kind == 0) test::place(scene, sheet(0.6f, -0.3f, 1, 0.4f));
-    if (kind == 1) test::place(scene, pane(0.7f, -0.3f, 0.3f, 1));
+    scene.materials.push_back(test::glass(kind > 0));
+    if (kind == 0) test::place(scene, test::sheet(0.6f, -0.3f, 1, 0.4f));
+    if (kind == 1) test::place(scene, test::pane(0.7f, -0.3f, 0.3f, 1));
     if (kind == 2) test::place(scene, test::sphere(vec3(0.3f, 0.1f, 0.0f), 0.5f, 1, 16));
     scene.cameras = {test::lookAt(dvec3(0.2, -0.9, 0.3), dvec3(0.1, -1.0, 0.2), 1.2f)};
     EXPECT_NEAR(render(scene, 1024).x, 2.0f, 0.012f) << kind;
@@ -236,7 +200,7 @@ TEST(ClearGlass, FurnaceWithGlassIsExact) {
 /// So it is with a white ball in a hollow box of glass under a sky of a map, which is sampled.
 TEST(ClearGlass, WhiteBallInAGlassBoxIsInvisible) {
   Scene scene;
-  scene.materials = {test::lambert(1.0f), glass(true)};
+  scene.materials = {test::lambert(1.0f), test::glass(true)};
   test::place(scene, test::sphere(vec3(0.0f), 0.5f, 0, 16));
   test::place(scene, test::box(vec3(-1.0f), vec3(1.0f), 1, false));
   test::place(scene, test::box(vec3(-0.9f), vec3(0.9f), 1, true));

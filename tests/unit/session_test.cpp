@@ -8,7 +8,7 @@
 
 #include "src/core/error.h"
 #include "src/session/checkpoint.h"
-#include "tests/unit/scenes.h"
+#include "tests/unit/glass_scenes.h"
 
 namespace trex {
 namespace {
@@ -282,6 +282,62 @@ TEST(Session, TheFirstPassIsFinishedHoweverShortTheTime) {
   for (std::uint32_t y = 0; y < kHeight; ++y) {
     for (std::uint32_t x = 0; x < kWidth; ++x) EXPECT_EQ(value(p, "sampleCount", x, y), 1.0f);
   }
+}
+
+/// A box without a lid under the sun, with a lid of glass or none.
+std::shared_ptr<const Model> windowModel(int kind) {
+  Scene scene;
+  scene.materials = {test::lambert(0.5f), test::glass(kind == 2)};
+  Mesh box = test::box(vec3(-1.0f), vec3(1.0f), 0, true);
+  box.triangles.erase(box.triangles.begin() + 6, box.triangles.begin() + 8);
+  test::place(scene, box);
+  if (kind == 1) test::place(scene, test::sheet(1.0f, 1.0f, 1));
+  if (kind == 2) test::place(scene, test::pane(1.0f, 1.0f, 0.006f, 1));
+  scene.lights = {test::sun(vec3(0.4f, -1.0f, 0.2f), 3.0f)};
+  scene.cameras = {test::lookAt(dvec3(0.7, 0.5, 0.8), dvec3(-0.6, -0.8, -0.6), 1.2f)};
+  return std::make_shared<const Model>(
+      makeModel(std::move(scene), {.voxels = true, .voxelDepth = 6}));
+}
+
+double meanOf(std::shared_ptr<const Model> model, const RenderSettings& s) {
+  const Camera camera = model->scene.cameras.front();
+  Session session(std::move(model), camera, s, PictureLayers{});
+  session.run([](double) { return true; });
+  const Picture picture = session.picture();
+  double sum = 0.0;
+  for (std::size_t i = 0; i < picture.values.size(); i += picture.channels.size())
+    sum += picture.values[i];
+  return sum / (picture.width * picture.height);
+}
+
+TEST(Session, SunShinesThroughWindowsInEveryMode) {
+  const double open = meanOf(windowModel(0), settings(1.0, 16));
+  for (const int kind : {1, 2}) {
+    const auto model = windowModel(kind);
+    const double exact = meanOf(model, settings(1.0, 16));
+    // Light that would leave is reflected back in part.
+    EXPECT_NEAR(exact / open, 0.94, 0.02) << kind;
+    EXPECT_NEAR(meanOf(model, settings(0.25, 16)) / exact, 1.0, 0.03) << kind;
+    EXPECT_NEAR(meanOf(model, settings(0.0, 16)) / exact, 1.0, 0.03) << kind;
+  }
+}
+
+/// Caustics are photons of maps, which a session that was cut short makes again.
+TEST(Session, CausticsHaveTheSameBitsAfterAStop) {
+  Scene scene;
+  scene.materials = {test::lambert(0.5f), test::glass(true)};
+  test::place(scene, test::sheet(2.0f, 0.0f, 0));
+  test::place(scene, test::sphere(vec3(0.0f, 0.8f, 0.0f), 0.4f, 1, 16));
+  scene.lights = {test::pointLight(dvec3(0.3, 3.0, 0.2), 20.0f)};
+  scene.cameras = {test::lookAt(dvec3(0.0, 2.0, 3.0), dvec3(0.0), 0.8f)};
+  const auto model = std::make_shared<const Model>(makeModel(std::move(scene), {.voxels = false}));
+  const Camera camera = model->scene.cameras.front();
+  Session whole(model, camera, settings(1.0, 5), PictureLayers{}),
+      pieces(model, camera, settings(1.0, 5), PictureLayers{});
+  whole.run([](double) { return true; });
+  runInPieces(pieces, 1);
+  EXPECT_GT(whole.report().causticPhotons, 0u);
+  EXPECT_EQ(whole.picture().values, pieces.picture().values);
 }
 
 }  // namespace

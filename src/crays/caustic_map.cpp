@@ -1,0 +1,125 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "src/crays/caustics.h"
+
+namespace trex {
+namespace {
+
+constexpr float kSameFacing = 0.7f;  // cosine of normals from which on photons lie on one surface
+constexpr float kOffPlane = 0.3f;    // of the radius: farther off the tangent plane is another one
+constexpr float kWidest = 0.1f;      // of the scene's radius
+constexpr float kGrazing = 1e-3f;    // cosine
+
+}  // namespace
+
+CausticWidths::CausticWidths(std::span<const CausticPhoton> photons, float scene, double wanted)
+    : scene_(scene), wanted_(wanted) {
+  for (std::uint32_t level = 0; level < kLevels; ++level) {
+    for (const CausticPhoton& p : photons) ++counts_[level][key(p.position, level)];
+  }
+}
+
+float CausticWidths::radius(std::uint32_t level) const {
+  return kWidest * scene_ * std::exp2(static_cast<float>(level) - (kLevels - 1.0f));
+}
+
+/// Of the cell, two radii wide, that a place lies in.
+std::uint64_t CausticWidths::key(const vec3& position, std::uint32_t level) const {
+  const vec3 cell = glm::floor(position / (2.0f * radius(level)));
+  std::uint64_t key = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    key =
+        key << 21 | (static_cast<std::uint64_t>(static_cast<std::int64_t>(cell[axis])) & 0x1fffffu);
+  }
+  return key;
+}
+
+std::uint32_t CausticWidths::level(const vec3& position) const {
+  const double least = wanted_ * (4.0 / std::numbers::pi);  // the square around the disk
+  for (std::uint32_t level = 0; level + 1 < kLevels; ++level) {
+    const auto at = counts_[level].find(key(position, level));
+    if (at != counts_[level].end() && at->second >= least) return level;
+  }
+  return kLevels - 1;
+}
+
+CausticMap::CausticMap(std::span<const CausticPhoton> photons, const CausticWidths& widths,
+                       float shrink) {
+  std::array<std::vector<CausticPhoton>, CausticWidths::kLevels> byLevel;
+  for (const CausticPhoton& p : photons) byLevel[widths.level(p.position)].push_back(p);
+  for (std::uint32_t level = 0; level < CausticWidths::kLevels; ++level) {
+    if (!byLevel[level].empty()) grids_.emplace_back(byLevel[level], widths.radius(level) * shrink);
+  }
+}
+
+std::size_t CausticMap::size() const {
+  std::size_t sum = 0;
+  for (const Grid& grid : grids_) sum += grid.photons.size();
+  return sum;
+}
+
+CausticMap::Grid::Grid(std::span<const CausticPhoton> all, float width) : radius(width) {
+  std::size_t buckets = 1;
+  while (buckets < all.size()) buckets *= 2;
+  firsts.assign(buckets + 1, 0);
+  for (const CausticPhoton& p : all) ++firsts[bucket(cell(p.position)) + 1];
+  for (std::size_t i = 1; i <= buckets; ++i) firsts[i] += firsts[i - 1];
+  std::vector<std::uint32_t> next(firsts.begin(), firsts.end() - 1);
+  photons.resize(all.size());
+  for (const CausticPhoton& p : all) photons[next[bucket(cell(p.position))]++] = p;
+}
+
+glm::ivec3 CausticMap::Grid::cell(const vec3& position) const {
+  constexpr float kMost = 1e9f;  // so that it fits an integer
+  return glm::ivec3(glm::clamp(glm::floor(position / (2.0f * radius)), vec3(-kMost), vec3(kMost)));
+}
+
+std::size_t CausticMap::Grid::bucket(const glm::ivec3& c) const {
+  const std::uint32_t key =
+      hashCombine(hashCombine(static_cast<std::uint32_t>(c.x), static_cast<std::uint32_t>(c.y)),
+                  static_cast<std::uint32_t>(c.z));
+  return key & (firsts.size() - 2);
+}
+
+/// Calls use(photon, distance^2) for all within the radius.
+template <typename Use>
+void CausticMap::Grid::forNear(const vec3& position, const Use& use) const {
+  const glm::ivec3 lower = cell(position - radius), upper = cell(position + radius);
+  for (int z = lower.z; z <= upper.z; ++z) {
+    for (int y = lower.y; y <= upper.y; ++y) {
+      for (int x = lower.x; x <= upper.x; ++x) {
+        const glm::ivec3 here(x, y, z);
+        const std::size_t b = bucket(here);
+        for (std::uint32_t i = firsts[b]; i < firsts[b + 1]; ++i) {
+          const vec3 off = photons[i].position - position;
+          const float distance2 = glm::dot(off, off);
+          // Other cells may share the bucket.
+          if (distance2 >= radius * radius || cell(photons[i].position) != here) continue;
+          use(photons[i], distance2);
+        }
+      }
+    }
+  }
+}
+
+vec3 CausticMap::radiance(const Surface& surface, const Bsdf& bsdf) const {
+  vec3 sum(0.0f);
+  const vec3 at(surface.position), normal = bsdf.geometricNormal();
+  for (const Grid& grid : grids_) {
+    const float square = grid.radius * grid.radius;
+    grid.forNear(at, [&](const CausticPhoton& p, float distance2) {
+      if (std::abs(glm::dot(p.normal, normal)) < kSameFacing) return;
+      if (std::abs(glm::dot(p.position - at, normal)) > kOffPlane * grid.radius) return;
+      // Epanechnikov's kernel. Flux is by the surface's own area, what evaluate() takes by area
+      // across the light.
+      const float kernel = 2.0f * kInvPi * (1.0f - distance2 / square) / square;
+      const float cosine = std::max(std::abs(glm::dot(p.towards, normal)), kGrazing);
+      sum += bsdf.evaluate(p.towards) * p.power * (kernel / cosine);
+    });
+  }
+  return sum;
+}
+
+}  // namespace trex

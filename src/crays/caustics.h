@@ -1,0 +1,157 @@
+// Caustics of point-like lights: light of a sun, a point or a spot that mirrors and glass have bent
+// before it meets a surface that scatters. Neither light sampling nor the eye's rays find such
+// paths, so photons do: a density of photons around the point, over a radius that shrinks from map
+// to map, so that the mean over the samples of a pixel converges [Hachisuka et al. 2008; Knaus and
+// Zwicker 2011, whose passes need nothing of each other].
+//
+// What light sampling finds (clear_path.h) is left out. A scene without point-like lights, or
+// without smooth mirrors and glass, has no object of these classes.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <unordered_map>
+#include <vector>
+
+#include "src/crays/bsdf.h"
+#include "src/crays/photon_guide.h"
+
+namespace trex {
+
+/// A photon where a surface scatters it.
+struct CausticPhoton {
+  vec3 position, normal;  ///< normal: geometric, unit
+  vec3 towards;           ///< unit, where it came from
+  vec3 power;             ///< W, over the number of photons of its map
+};
+
+/// How wide the first densities are taken, by place: so that there are some photons in each. Made
+/// of photons that no map has. Immutable, so thread safe.
+class CausticWidths {
+ public:
+  static constexpr std::uint32_t kLevels = 12;
+
+  /// `scene`: radius of the sphere around it, metres. `wanted`: of these photons, in a width.
+  CausticWidths(std::span<const CausticPhoton> photons, float scene, double wanted);
+  /// The width at a place is radius(level).
+  std::uint32_t level(const vec3& position) const;
+  float radius(std::uint32_t level) const;
+
+ private:
+  std::uint64_t key(const vec3& position, std::uint32_t level) const;
+
+  float scene_;
+  double wanted_;
+  std::array<std::unordered_map<std::uint64_t, std::uint32_t>, kLevels> counts_;
+};
+
+/// Photons of one map, by place. Immutable, so thread safe.
+class CausticMap {
+ public:
+  /// Each photon is spread over a disk of the width at its place times `shrink`.
+  CausticMap(std::span<const CausticPhoton> photons, const CausticWidths& widths, float shrink);
+  /// Radiance that leaves the surface towards the eye of the Bsdf.
+  vec3 radiance(const Surface& surface, const Bsdf& bsdf) const;
+  std::size_t size() const;
+
+ private:
+  /// Photons of one radius, in cells two radii wide.
+  struct Grid {
+    float radius;
+    std::vector<CausticPhoton> photons;  ///< by bucket, then in their order
+    std::vector<std::uint32_t> firsts;   ///< of each bucket, and the end
+    Grid(std::span<const CausticPhoton> photons, float radius);
+    glm::ivec3 cell(const vec3& position) const;
+    std::size_t bucket(const glm::ivec3& cell) const;
+    template <typename Use>
+    void forNear(const vec3& position, const Use& use) const;
+  };
+  std::vector<Grid> grids_;
+};
+
+/// Whether a material may have a smooth mirror or smooth glass somewhere.
+bool mayBend(const Material& material);
+
+/// Sends photons where mirrors and glass are. Immutable once made, so thread safe.
+class CausticLights {
+ public:
+  /// Scene and rays must outlive it. Traces some 10^4 photons to find out where light is bent.
+  CausticLights(const Scene& scene, const RayScene& rays, std::uint32_t seed);
+  /// Caustics of photons first .. first + count - 1 of a map; the same for any number of threads.
+  /// Power is not yet divided by a number of photons.
+  std::vector<CausticPhoton> shoot(std::uint32_t map, std::uint32_t count) const;
+  /// Whether any photon made a caustic so far.
+  bool any() const { return any_; }
+  /// Metres, of the sphere around the scene.
+  float sceneRadius() const { return radius_; }
+
+ private:
+  struct Source {
+    Light light;
+    dvec3 position;
+    EmissionGuide guide{2};
+    double flux = 0.0;  ///< about, of caustics, W
+  };
+  struct Start;
+  vec3 direction(const Source& source, vec2 u) const;
+  vec2 place(const Source& source, const vec3& point) const;
+  void hint(Source& source, const vec3& point, const vec3& normal, float area) const;
+  Start emit(const Source& source, Sampler& sampler) const;
+  void follow(const Start& start, Sampler& sampler, std::vector<CausticPhoton>& out) const;
+  void pilot(std::uint32_t round);
+
+  const Scene& scene_;
+  const RayScene& rays_;
+  std::uint32_t seed_;
+  vec3 centre_{0.0f};
+  float radius_ = 1.0f;
+  std::vector<Source> sources_;
+  std::vector<double> cumulative_;  ///< chances before each source, and 1
+  bool any_ = false;
+};
+
+/// The maps of a picture: sample number s of every pixel reads map(s), which depends on the scene,
+/// the seed, the number of pixels and s alone. Samples 2^k .. 2^(k+1) - 1 share a map of as many
+/// photons, until maps have their largest size.
+class CausticMaps {
+ public:
+  /// Whether a scene has caustics: point-like lights, and mirrors or glass.
+  static bool needed(const Scene& scene);
+  /// Costs nothing yet.
+  CausticMaps(const Scene& scene, const RayScene& rays, std::uint64_t pixels, std::uint32_t seed)
+      : scene_(scene), rays_(rays), pixels_(pixels), seed_(seed) {}
+
+  /// Makes the maps of these samples and forgets old ones. Not while find() is called.
+  void prepare(std::span<const std::uint32_t> samples);
+  /// The map of a prepared sample; null if there is no caustic.
+  const CausticMap* find(std::uint32_t sample) const;
+
+  std::uint64_t photons() const { return shot_; }
+  double seconds() const { return seconds_; }
+
+ private:
+  struct Plan {
+    std::uint32_t map, photons, lastSample;
+  };
+  struct Kept {
+    std::uint32_t map;
+    std::unique_ptr<const CausticMap> photons;
+  };
+  Plan plan(std::uint32_t sample) const;
+  void start();
+  std::unique_ptr<const CausticMap> make(const Plan& plan);
+
+  const Scene& scene_;
+  const RayScene& rays_;
+  std::uint64_t pixels_;
+  std::uint32_t seed_;
+  std::unique_ptr<const CausticLights> lights_;  ///< null until the first map
+  std::unique_ptr<const CausticWidths> widths_;
+  std::vector<Kept> maps_;  ///< the latest last
+  std::uint64_t shot_ = 0;
+  double seconds_ = 0.0;
+};
+
+}  // namespace trex

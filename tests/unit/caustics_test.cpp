@@ -1,0 +1,171 @@
+#include "src/crays/caustics.h"
+
+#include <gtest/gtest.h>
+
+#include "src/crays/integrator.h"
+#include "src/frame/estimator.h"
+#include "tests/unit/glass_scenes.h"
+
+namespace trex {
+namespace {
+
+constexpr float kAlbedo = 1e-3f;  // of floors: little returns to them
+
+/// Mean exact irradiance of the floor in a picture of 32x32 pixels.
+vec3 irradiance(const Scene& scene, std::uint32_t samples, std::uint32_t seed = 0) {
+  constexpr std::uint32_t kSide = 32;
+  const RayScene rays(scene);
+  const LightSet lights(scene, rays);
+  const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
+  CausticMaps maps(scene, rays, kSide * kSide, seed);
+  const Integrator integrator(scene, rays, lights, camera, GuessOptions{}, seed, true, &maps);
+  Moments all;
+  std::vector<ConeRequest> cones;
+  RayCounts counts;
+  for (std::uint32_t s = 0; s < samples; ++s) {
+    maps.prepare({&s, 1});
+    for (std::uint32_t i = 0; i < kSide * kSide; ++i) {
+      all.add(integrator.sample(i % kSide, i / kSide, kSide, s, false, 0, cones, counts).common);
+    }
+  }
+  return vec3(all.mean()) * (kPi / kAlbedo);
+}
+
+/// A dark floor of half side 4 m, seen straight down from `height`: a square of `width` about
+/// (x, 0, 0).
+Scene floorFrom(float height, float x, float width) {
+  Scene scene;
+  scene.materials = {test::lambert(kAlbedo)};
+  test::place(scene, test::sheet(4.0f, 0.0f, 0));
+  Camera camera = test::lookAt(dvec3(x, height, 0.0), dvec3(x, 0.0, 0.0), 0.5f);
+  camera.orthographic = true;
+  camera.orthographicHeight = width;
+  scene.cameras = {camera};
+  return scene;
+}
+
+Material mirror() {
+  Material m;
+  m.roughness = 0.0f;
+  return m;
+}
+
+/// Irradiance of a floor at (x, 0, z) from a point light of intensity 1 at (lx, ly, 0).
+double fromPoint(double x, double z, double lx, double ly) {
+  const double d2 = (x - lx) * (x - lx) + ly * ly + z * z;
+  return ly / (d2 * std::sqrt(d2));
+}
+
+TEST(Caustics, AMirrorShowsAnImageOfTheLight) {
+  Scene scene = floorFrom(0.5f, 0.3f, 0.4f);
+  scene.materials.push_back(mirror());
+  Mesh wall;
+  wall.material = 1;
+  wall.positions = {vec3(-1, 0, -4), vec3(-1, 0, 4), vec3(-1, 4, 4), vec3(-1, 4, -4)};
+  wall.triangles = {{0, 2, 1}, {0, 3, 2}};
+  test::place(scene, wall);
+  scene.lights = {test::pointLight(dvec3(0.0, 1.0, 0.0), 5.0f)};
+  double direct = 0.0, image = 0.0;
+  for (int i = 0; i < 400; ++i) {
+    const double x = 0.1 + 0.02 * (i % 20 + 0.5), z = -0.2 + 0.02 * (i / 20 + 0.5);
+    direct += 5.0 * fromPoint(x, z, 0.0, 1.0) / 400.0;
+    image += 5.0 * fromPoint(x, z, -2.0, 1.0) / 400.0;
+  }
+  EXPECT_NEAR((irradiance(scene, 32).x - direct) / image, 1.0, 0.03);
+}
+
+/// What is reflected to and fro inside a pane is bent, what passes is not: together (1 - R) / (1 +
+/// R), so nothing is counted twice.
+TEST(Caustics, SunThroughAPaneIsWholeAndOnce) {
+  for (const float angle : {0.0f, 1.2f}) {
+    Scene scene = floorFrom(0.2f, 0.0f, 0.4f);
+    scene.materials.push_back(test::glass(true));
+    test::place(scene, test::pane(4.0f, 0.3f, 0.02f, 1));
+    scene.lights = {test::sun(vec3(std::sin(angle), -std::cos(angle), 0.0f), 2.0f)};
+    const float once = fresnelDielectric(std::cos(angle), 1.5f);
+    const float right = 2.0f * std::cos(angle) * (1.0f - once) / (1.0f + once);
+    EXPECT_NEAR(irradiance(scene, 64).x / right, 1.0f, 0.01f) << angle;
+  }
+}
+
+/// Sunlight that a glass ball throws on the floor below it: all that enters and leaves again, but
+/// for what lands outside of the picture or is reflected inside.
+TEST(Caustics, EnergyBelowAGlassBall) {
+  constexpr double kRadius = 0.5, kHeight = 0.9, kHalf = 1.2;
+  Scene scene = floorFrom(0.3f, 0.0f, 2.0f * static_cast<float>(kHalf));
+  scene.materials.push_back(test::glass(true));
+  test::place(scene, test::sphere(vec3(0.0f, static_cast<float>(kHeight), 0.0f),
+                                  static_cast<float>(kRadius), 1, 64));
+  scene.lights = {test::sun(vec3(0.0f, -1.0f, 0.0f), 1.0f)};
+  double power = 4.0 * kHalf * kHalf - std::numbers::pi * kRadius * kRadius;  // beside the ball
+  constexpr int kRings = 2000;
+  for (int i = 0; i < kRings; ++i) {
+    const double r = (i + 0.5) / kRings, outside = std::asin(r), inside = std::asin(r / 1.5);
+    const double turn = 2.0 * (outside - inside);
+    // Where the ray leaves the ball, and where it lands.
+    const double leave = outside - 2.0 * inside;  // angle from the axis downwards, on the far side
+    const double x = kRadius * std::sin(leave), y = kHeight - kRadius * std::cos(leave);
+    if (turn >= 0.5 * std::numbers::pi) continue;
+    const double land = std::abs(x - y * std::tan(turn));
+    const double once = 1.0 - fresnelDielectric(static_cast<float>(std::cos(outside)), 1.5f);
+    double share = 1.0;  // of the ring that lands in the square
+    if (land > kHalf)
+      share = std::max(
+          0.0, 1.0 - 8.0 / (2.0 * std::numbers::pi) * std::acos(std::min(1.0, kHalf / land)));
+    power += once * once * share * 2.0 * std::numbers::pi * r / kRings * kRadius * kRadius;
+  }
+  EXPECT_NEAR(irradiance(scene, 32).x * 4.0 * kHalf * kHalf / power, 1.0, 0.01);
+}
+
+/// Of all directions of the light a hundred-thousandth meets the mirror.
+TEST(Caustics, PhotonsAreAimedAtSmallMirrors) {
+  Scene scene = floorFrom(0.5f, 2.0f, 0.1f);
+  scene.materials.push_back(mirror());
+  Mesh small = test::sheet(0.01f, 0.05f, 1);
+  for (vec3& p : small.positions) p.x += 1.0f;
+  test::place(scene, small);
+  test::place(scene, test::sheet(4.0f, 1.5f, 0));
+  scene.lights = {test::pointLight(dvec3(0.0, 1.0, 0.0), 5.0f)};
+  const RayScene rays(scene);
+  constexpr std::uint32_t kCount = 4096;
+  const auto photons = CausticLights(scene, rays, 0).shoot(0, kCount);
+  EXPECT_GT(photons.size(), kCount / 16);
+  double power = 0.0;
+  for (const CausticPhoton& p : photons) power += p.power.x / kCount;
+  const double distance2 = 1.0 + 0.95 * 0.95;
+  EXPECT_NEAR(power / (5.0 * 4e-4 * 0.95 / (distance2 * std::sqrt(distance2))), 1.0, 0.05);
+}
+
+TEST(Caustics, MapsDependOnNothingButTheirNumber) {
+  Scene scene = floorFrom(0.3f, 0.0f, 1.0f);
+  scene.materials.push_back(test::glass(true));
+  test::place(scene, test::sphere(vec3(0.0f, 0.6f, 0.0f), 0.2f, 1, 16));
+  scene.lights = {test::pointLight(dvec3(0.5, 2.0, 0.0), 5.0f)};
+  const RayScene rays(scene);
+  CausticMaps forward(scene, rays, 1024, 3), single(scene, rays, 1024, 3);
+  for (std::uint32_t s = 0; s < 9; ++s) forward.prepare({&s, 1});
+  const std::uint32_t last = 8;
+  single.prepare({&last, 1});
+  const CausticMap *a = forward.find(last), *b = single.find(last);
+  ASSERT_NE(a, nullptr);
+  ASSERT_NE(b, nullptr);
+  ASSERT_EQ(a->size(), b->size());
+  EXPECT_GT(a->size(), 1000u);
+  EXPECT_EQ(forward.find(15), a);  // the samples of a map
+  EXPECT_EQ(forward.find(16), nullptr);
+  EXPECT_EQ(single.find(7), nullptr);
+}
+
+TEST(Caustics, OnlyWhereLightsArePointsAndSomethingBendsThem) {
+  Scene scene = floorFrom(0.3f, 0.0f, 1.0f);
+  EXPECT_FALSE(CausticMaps::needed(scene));
+  scene.lights = {test::pointLight(dvec3(0.5, 2.0, 0.0), 5.0f)};
+  EXPECT_FALSE(CausticMaps::needed(scene));
+  scene.materials.push_back(mirror());
+  EXPECT_TRUE(CausticMaps::needed(scene));
+  scene.lights.clear();
+  EXPECT_FALSE(CausticMaps::needed(scene));
+}
+
+}  // namespace
+}  // namespace trex
