@@ -15,7 +15,7 @@ namespace {
 
 constexpr int kCausticBounces = 64;
 constexpr std::uint32_t kCausticChunk = 1024;
-constexpr std::uint32_t kPilotRounds = 4, kPilotRound = 1u << 14;
+constexpr std::uint32_t kPilotRounds = 4, kPilotRound = 1u << 13;
 constexpr std::size_t kBends = 4096;         // places on mirrors and glass that lights aim at
 constexpr std::size_t kAllHints = 1u << 20;  // of all lights together
 constexpr std::uint32_t kBendsOfCluster = 256;

@@ -13,7 +13,7 @@ constexpr std::uint64_t kFewestCaustics = 1u << 11, kMostCaustics = 1u << 15;
 constexpr std::uint64_t kLargestMap = 1u << 17;
 constexpr std::size_t kKeptMaps = 4;
 constexpr double kShrink = 2.0 / 3.0;  // alpha of [Knaus and Zwicker 2011]
-constexpr std::uint32_t kOfWidths = 0xffffffffu, kWidthPhotons = 1u << 15;  // no map's
+constexpr std::uint32_t kOfWidths = 0xffffffffu, kWidthPhotons = 1u << 14;  // no map's
 constexpr double kInWidth = 6.0, kLeastInWidth = 6.0;  // photons of the first map
 
 }  // namespace

@@ -84,7 +84,7 @@ TEST(Caustics, SunThroughAPaneIsWholeAndOnce) {
     scene.lights = {test::sun(vec3(std::sin(angle), -std::cos(angle), 0.0f), 2.0f)};
     const float once = fresnelDielectric(std::cos(angle), 1.5f);
     const float right = 2.0f * std::cos(angle) * (1.0f - once) / (1.0f + once);
-    EXPECT_NEAR(irradiance(scene, 64).x / right, 1.0f, 0.01f) << angle;
+    EXPECT_NEAR(irradiance(scene, angle > 0.0f ? 64 : 8).x / right, 1.0f, 0.01f) << angle;
   }
 }
 
@@ -143,17 +143,17 @@ TEST(Caustics, MapsDependOnNothingButTheirNumber) {
   scene.lights = {test::pointLight(dvec3(0.5, 2.0, 0.0), 5.0f)};
   const RayScene rays(scene);
   CausticMaps forward(scene, rays, 1024, 3), single(scene, rays, 1024, 3);
-  for (std::uint32_t s = 0; s < 9; ++s) forward.prepare({&s, 1});
-  const std::uint32_t last = 8;
+  for (std::uint32_t s = 0; s < 5; ++s) forward.prepare({&s, 1});
+  const std::uint32_t last = 4;
   single.prepare({&last, 1});
   const CausticMap *a = forward.find(last), *b = single.find(last);
   ASSERT_NE(a, nullptr);
   ASSERT_NE(b, nullptr);
   ASSERT_EQ(a->size(), b->size());
   EXPECT_GT(a->size(), 1000u);
-  EXPECT_EQ(forward.find(15), a);  // the samples of a map
-  EXPECT_EQ(forward.find(16), nullptr);
-  EXPECT_EQ(single.find(7), nullptr);
+  EXPECT_EQ(forward.find(7), a);  // the samples of a map
+  EXPECT_EQ(forward.find(8), nullptr);
+  EXPECT_EQ(single.find(3), nullptr);
 }
 
 TEST(Caustics, OnlyWhereLightsArePointsAndSomethingBendsThem) {

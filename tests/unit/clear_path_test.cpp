@@ -193,7 +193,7 @@ TEST(ClearGlass, FurnaceWithGlassIsExact) {
     if (kind == 1) test::place(scene, test::pane(0.7f, -0.3f, 0.3f, 1));
     if (kind == 2) test::place(scene, test::sphere(vec3(0.3f, 0.1f, 0.0f), 0.5f, 1, 16));
     scene.cameras = {test::lookAt(dvec3(0.2, -0.9, 0.3), dvec3(0.1, -1.0, 0.2), 1.2f)};
-    EXPECT_NEAR(render(scene, 1024).x, 2.0f, 0.012f) << kind;
+    EXPECT_NEAR(render(scene, 512).x, 2.0f, 0.012f) << kind;
   }
 }
 
@@ -212,7 +212,7 @@ TEST(ClearGlass, WhiteBallInAGlassBoxIsInvisible) {
   scene.environment.color = vec3(0.7f);
   scene.environment.map = map;
   scene.cameras = {test::lookAt(dvec3(0, 0, 0.8), dvec3(0.0), 0.3f)};
-  EXPECT_NEAR(render(scene, 1024).x, 0.7f, 0.007f);
+  EXPECT_NEAR(render(scene, 512).x, 0.7f, 0.007f);
 }
 
 }  // namespace
