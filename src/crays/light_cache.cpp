@@ -7,6 +7,10 @@ namespace trex {
 namespace {
 
 constexpr std::uint32_t kCoarserForFootprint = 2;  // levels that a wide footprint may go up
+/// Cosine between a surface and its voxel's normal. Where surfaces of all directions meet in one
+/// voxel, as wall, roof and their outer faces do, one that stands across its normal has no side.
+/// Three walls of a corner have 0.577.
+constexpr float kLeastCosine = 0.5f;
 
 }  // namespace
 
@@ -33,10 +37,10 @@ bool LightCache::irradiance(const vec3& position, const vec3& normal, float radi
   std::uint32_t voxel = tracer_.asvoFind(moved, level);
   if (voxel == asvo::ASVO_NONE) voxel = tracer_.asvoFindNear(position, normal, level);
   if (voxel == asvo::ASVO_NONE) return false;
-  const bool front = glm::dot(tracer_.asvoNormal(voxel), normal) >= 0.0f;
-  if (!(tracer_.asvoArea(voxel) > 0.0f)) return false;
+  const float cosine = glm::dot(tracer_.asvoNormal(voxel), normal);
+  if (std::abs(cosine) < kLeastCosine || !(tracer_.asvoArea(voxel) > 0.0f)) return false;
   const asvo::uvec4& packed = light_[voxel];
-  out = tracer_.asvoUnpackRgb9e5(front ? packed.x : packed.y) * scale_;
+  out = tracer_.asvoUnpackRgb9e5(cosine > 0.0f ? packed.x : packed.y) * scale_;
   return true;
 }
 

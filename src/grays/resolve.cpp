@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <bit>
 #include <cassert>
+#include <cmath>
 
 #include "asvo/tracer.h"
 
@@ -15,18 +16,30 @@ namespace {
 
 using glm::vec3;
 
+/// Faces of less than this share of a side are what edges of others leave there.
+constexpr float kFewFaces = 0.25f;
+
 /// Sums over a sub-tree, by side (0 front).
 struct Sums {
   vec3 total[2] = {vec3(0.0f), vec3(0.0f)};
   vec3 indirect[2] = {vec3(0.0f), vec3(0.0f)};
-  float area[2] = {0.0f, 0.0f};
+  float faces[2] = {0.0f, 0.0f};    ///< area of the faces of that side
+  float sheets[2] = {0.0f, 0.0f};   ///< of those that have the other side alone
+  bool behind[2] = {false, false};  ///< light came to the backs of such
+
+  /// What the light fell on. The back of a face is the inside of a solid, and counts only once
+  /// light was seen there: counted always, it would darken walls that lie within one voxel with
+  /// their outer faces.
+  float area(int side) const { return faces[side] + (behind[side] ? sheets[side] : 0.0f); }
 
   void add(const Sums& child, bool flipped) {
     for (int side = 0; side < 2; ++side) {
       const int from = flipped ? 1 - side : side;
       total[side] += child.total[from];
       indirect[side] += child.indirect[from];
-      area[side] += child.area[from];
+      faces[side] += child.faces[from];
+      sheets[side] += child.sheets[from];
+      behind[side] |= child.behind[from];
     }
   }
 };
@@ -103,9 +116,27 @@ struct LightResolver::Work {
     for (int side = 0; side < 2; ++side) {
       s.indirect[side] = flux(indirect_, leaf, side);
       s.total[side] = flux(direct_, leaf, side) + s.indirect[side];
-      s.area[side] = tree_.leafArea(node);
     }
+    const float area = tree_.leafArea(node), back = area * backShare(node);
+    s.faces[0] = area;
+    (back > 0.0f ? s.faces[1] : s.sheets[1]) = back > 0.0f ? back : area;
+    s.behind[1] = back <= 0.0f && s.total[1] != vec3(0.0f);
     return s;
+  }
+
+  /// Area of the faces against a leaf's normal over that of those along it, by their coverages: 0
+  /// for a few.
+  float backShare(std::uint32_t node) const {
+    const vec3 n = tracer_.asvoNormal(node);
+    float along = 0.0f, against = 0.0f;
+    for (int axis = 0; axis < 3; ++axis) {
+      const auto facing = static_cast<std::uint32_t>(2 * axis) + (n[axis] < 0.0f ? 1u : 0u);
+      const float part = std::abs(n[axis]);
+      along += part * static_cast<float>(tracer_.asvoCoverage(tree_.voxels[node], facing));
+      against += part * static_cast<float>(tracer_.asvoCoverage(tree_.voxels[node], facing ^ 1u));
+    }
+    const float share = along > 0.0f ? std::min(against / along, 1.0f) : 1.0f;
+    return share < kFewFaces ? 0.0f : share;
   }
 
   template <typename Function>
@@ -135,9 +166,12 @@ struct LightResolver::Work {
   Irradiance irradiance(const Sums& s, const asvo::uvec4& coarser) const {
     Irradiance e;
     for (int side = 0; side < 2; ++side) {
-      if (s.area[side] >= leastArea_) {
-        e.total[side] = s.total[side] / s.area[side];
-        e.indirect[side] = s.indirect[side] / s.area[side];
+      const float area = s.area(side);
+      if (area >= leastArea_) {
+        e.total[side] = s.total[side] / area;
+        e.indirect[side] = s.indirect[side] / area;
+      } else if (!s.behind[side] && s.sheets[side] >= leastArea_) {
+        e.total[side] = e.indirect[side] = vec3(0.0f);
       } else {
         e.total[side] = tracer_.asvoUnpackRgb9e5(side == 0 ? coarser.x : coarser.y);
         e.indirect[side] = tracer_.asvoUnpackRgb9e5(side == 0 ? coarser.z : coarser.w);
