@@ -14,6 +14,9 @@ vec4 read(const Scene& scene, const Texture& texture, vec2 uv, bool srgb) {
   return sampleTexture(scene.images[static_cast<std::size_t>(texture.image)], texture, uv, srgb);
 }
 
+/// Roughness 0.1: what is seen in the surface is blurred by some pixels and known all the same.
+constexpr float kClearAlpha = 0.01f;
+
 float schlickWeight(float cosine) {
   const float x = std::clamp(1.0f - cosine, 0.0f, 1.0f);
   return x * x * x * x * x;
@@ -143,6 +146,7 @@ void Bsdf::chooseLobes() {
     lobes_.transmission /= sum;
   }
   onlyDelta_ = lobes_.diffuse == 0.0f && smooth_;
+  showsOthers_ = lobes_.diffuse == 0.0f && alpha_ <= kClearAlpha;
   // A broad specular lobe of a few percent may be cached as if diffuse; a metal's may not.
   const vec3 broad = smooth_ ? vec3(0.0f) : reflect * (1.0f - metallic_) * (1.0f - transmission_);
   cachedAlbedo_ = glm::min(diffuse_ * (1.0f - dielectric) + broad, vec3(1.0f));

@@ -48,6 +48,11 @@ class Bsdf {
   bool onlyDelta() const { return onlyDelta_; }
   /// Whether light of the far side may reach `outgoing`, delta lobes included.
   bool transmits() const { return lobes_.transmission > 0.0f; }
+  /// True if what is seen in or through the surface stands for it: mirrors, clear glass, and lobes
+  /// hardly wider.
+  bool showsOthers() const { return showsOthers_; }
+  /// True if sample() has no choice between lobes.
+  bool oneLobe() const { return lobes_.specular == 1.0f || lobes_.transmission == 1.0f; }
   /// Reflectance that a cache of irradiance can serve: the diffuse albedo plus that of the broad
   /// part of the specular lobe. [0, 1].
   vec3 cachedAlbedo() const { return cachedAlbedo_; }
@@ -101,7 +106,7 @@ class Bsdf {
   Lobes lobes_{};
   bool front_ = true, unlit_ = false, onlyDelta_ = false, smooth_ = false, refracts_ = false,
        entering_ = true;
-  bool cacheable_ = true;
+  bool cacheable_ = true, showsOthers_ = false;
 };
 
 /// Whether a material has smooth transmission somewhere.

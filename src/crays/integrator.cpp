@@ -80,6 +80,7 @@ struct Integrator::Path {
   int scattered = 0;    // times, mirrors and clear glass not counted
   float length = 0.0f;  // from the eye to the last surface
   bool seen = false;    // the feature is known
+  bool certain = true;  // mirrors alone so far, and no choice
   RayHit hit{};
 
   /// `direct`: see PathSample.
@@ -98,6 +99,11 @@ struct Integrator::Path {
   void pass() {
     if (clear.begun()) clear.advance(hit.t);
     travelled += hit.t;
+  }
+  /// Light that the last ray came straight from.
+  void addSeen(const vec3& light) {
+    add(light, scattered <= 1);
+    if (certain && coupled) result.own += light;
   }
   /// The guess parts from the path. False if nobody follows the exact path.
   bool part() {
@@ -129,6 +135,7 @@ PathSample Integrator::sample(std::uint32_t x, std::uint32_t y, std::uint32_t wi
             .pixelTag = pixelTag,
             .paired = paired,
             .coupled = true,
+            .certain = media_ == nullptr && !camera_.hasLens(),
             .caustics = caustics_ ? caustics_->find(sample) : nullptr};
   const vec2 jitter = path.sampler.next2D();
   camera_.ray(static_cast<float>(x) + jitter.x, static_cast<float>(y) + jitter.y,
@@ -177,7 +184,7 @@ void Integrator::miss(Path& path) const {
   if (!lights_.hasEnvironment()) return;
   const float weight =
       powerHeuristic(path.density(), lights_.pdfEnvironment(path.vertex, path.aim()));
-  path.add(path.throughput * lights_.environment(path.direction) * weight, path.scattered <= 1);
+  path.addSeen(path.throughput * lights_.environment(path.direction) * weight);
 }
 
 /// G0: the far field of a broad lobe is a cone's. False if only the guess was asked for.
@@ -208,6 +215,7 @@ bool Integrator::meet(Path& path) const {
   if (path.absorption != vec3(0.0f)) path.throughput *= glm::exp(-path.absorption * path.hit.t);
   if (media_ != nullptr) passMedia(path, path.hit.t);
 
+  if (bsdf.coverage() > 0.0f && bsdf.coverage() < 1.0f) path.certain = false;
   if (bsdf.coverage() < 1.0f && path.sampler.next1D() >= bsdf.coverage()) {
     path.start = surface.leave();
     path.tnear = 0.0f;
@@ -221,11 +229,12 @@ bool Integrator::meet(Path& path) const {
     path.result.first = {camera_.depth(surface.position), static_cast<float>(surface.object),
                          static_cast<float>(surface.material)};
   }
-  if (!path.seen && (!bsdf.onlyDelta() || bsdf.unlit())) {
+  if (!path.seen && (!bsdf.showsOthers() || bsdf.unlit())) {
     path.seen = true;
-    const bool plain = bsdf.cacheable() && maxComponent(bsdf.emission()) <= 0.0f;
-    path.result.feature = {plain ? bsdf.cachedAlbedo() : vec3(1.0f), bsdf.normal(),
-                           vec3(surface.position), camera_.footprint(path.length)};
+    const vec3 albedo = bsdf.cacheable() ? bsdf.cachedAlbedo() : vec3(1.0f);
+    path.result.feature = {albedo, bsdf.normal(), vec3(surface.position),
+                           camera_.footprint(path.length),
+                           maxComponent(albedo) > 0.0f ? 0.0f : 1.0f};
   }
   if (maxComponent(bsdf.emission()) > 0.0f) {
     ClearPath way = path.clear;
@@ -240,7 +249,7 @@ bool Integrator::meet(Path& path) const {
       path.result.exact += light;
       if (path.scattered <= 1) path.result.directExact += light;
     } else {
-      path.add(light, path.scattered <= 1);
+      path.addSeen(light);
     }
   }
   if (bsdf.unlit()) return false;
@@ -467,6 +476,7 @@ bool Integrator::scatter(Path& path, const Surface& surface, const Bsdf& bsdf,
     path.throughput /= survival;
   }
   if (!(maxComponent(path.throughput) > 0.0f)) return false;
+  path.certain &= bsdf.showsOthers() && bsdf.oneLobe();
   const bool front = bsdf.leavesFront(next.direction);
   if (!rays_.leave(surface, next.direction, front, path.start)) return false;
   if (next.delta && next.transmitted && ClearLayers::clear(bsdf)) {

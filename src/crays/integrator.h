@@ -65,6 +65,9 @@ struct ConeRequest {
 struct PathSample {
   vec3 common{0.0f}, guess{0.0f}, exact{0.0f};
   vec3 direct{0.0f}, directExact{0.0f};  ///< of G (without cones) and of X
+  /// Of `common`: what emitters, unlit surfaces and the sky send to the eye, straight or by mirrors
+  /// alone. Nothing about it is left to chance, so no filter may touch it.
+  vec3 own{0.0f};
   Feature feature;
   FirstHit first;
   /// 1 where the camera's ray meets a surface, glass included; of a blended or masked one the share

@@ -42,7 +42,7 @@ int rowInOrder(int k, int height, int step) {
 
 struct GuessFilter::Work {
   Work(const FeatureImage& features, const std::vector<vec3>& radiance,
-       const std::vector<vec3>& variance, bool correction);
+       const std::vector<vec3>& variance, const std::vector<vec3>* calm, bool correction);
 
   /// Rows from row_ on, of the pass under way.
   void band();
@@ -51,15 +51,29 @@ struct GuessFilter::Work {
   std::vector<vec3> out;
 
  private:
-  enum Pass { kPrepare, kSmooth, kGather, kFinish = kGather + FilterPlanes::kIterations, kPasses };
+  enum Pass {
+    kPrepare,
+    kSmooth,
+    kGather,
+    kLose = kGather + FilterPlanes::kIterations,
+    kGiveBack,  // two passes a step
+    kFinish = kGiveBack + 2 * FilterPlanes::kIterations,
+    kPasses
+  };
 
-  int step() const { return pass_ < kGather || pass_ == kFinish ? 1 : 1 << (pass_ - kGather); }
+  int step() const {
+    if (pass_ >= kGather && pass_ < kLose) return 1 << (pass_ - kGather);
+    if (pass_ >= kGiveBack && pass_ < kFinish) return 1 << ((pass_ - kGiveBack) / 2);
+    return 1;
+  }
   std::size_t index(int y) const {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(planes_.width);
   }
-  void copyRow(const FeatureImage& features, const vec3* radiance, const vec3* variance, int y);
+  void copyRow(const FeatureImage& features, const vec3* light, const vec3* variance, int y);
+  void copyLost(const vec3* radiance, int y);
   void clearMargins(int y);
   void prepareRow(int y);
+  void loseRow(int y);
   void finishRow(int y);
   void passRow(int y);
 
@@ -71,39 +85,50 @@ struct GuessFilter::Work {
 };
 
 GuessFilter::Work::Work(const FeatureImage& features, const std::vector<vec3>& radiance,
-                        const std::vector<vec3>& variance, bool correction)
+                        const std::vector<vec3>& variance, const std::vector<vec3>* calm,
+                        bool correction)
     : correction_(correction) {
   planes_.width = static_cast<int>(features.width());
   planes_.height = static_cast<int>(features.height());
   planes_.stride = FilterPlanes::strideOf(features.width());
   const std::size_t plane = planes_.stride * features.height();
-  memory_ = hwy::AllocateAligned<float>(plane * kFilterPlanes);
+  memory_ = hwy::AllocateAligned<float>(plane * (kFilterPlanes + (correction ? 0 : kLostPlanes)));
   if (!memory_) throw std::bad_alloc();
   planes_.guides = memory_.get();
   planes_.cells = planes_.guides + plane * kGuidePlanes;
   planes_.written = planes_.cells + plane * kCellPlanes;
+  if (!correction) planes_.lost = planes_.written + plane * kCellPlanes;
+  const std::vector<vec3>& light = calm != nullptr ? *calm : radiance;
   tbb::parallel_for(0, planes_.height, [&](int y) {
     clearMargins(y);
-    copyRow(features, radiance.data() + index(y), variance.data() + index(y), y);
+    copyRow(features, light.data() + index(y), variance.data() + index(y), y);
+    if (planes_.lost != nullptr) copyLost(radiance.data() + index(y), y);
   });
 }
 
 /// Until they are prepared, guides are features as they are, with the footprint in kSlope, and the
 /// light of `written` is the variance.
-void GuessFilter::Work::copyRow(const FeatureImage& features, const vec3* radiance,
+void GuessFilter::Work::copyRow(const FeatureImage& features, const vec3* light,
                                 const vec3* variance, int y) {
   const std::size_t stride = planes_.stride;
   float *guides = planes_.guideRow(y), *cells = planes_.cellRow(y),
         *written = planes_.writtenRow(y);
   for (int x = 0; x < planes_.width; ++x) {
     const Feature& f = features.mean(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
-    putThree(f.normal, guides + kNormal * stride + x, stride);
+    // What reflects nothing is no surface to share with.
+    putThree(f.normal * (1.0f - f.black), guides + kNormal * stride + x, stride);
     putThree(f.position, guides + kPosition * stride + x, stride);
     guides[kSlope * stride + static_cast<std::size_t>(x)] = f.footprint;
     putThree(f.albedo, guides + kAlbedo * stride + x, stride);
-    putThree(radiance[x], cells + kLight * stride + x, stride);
+    putThree(light[x], cells + kLight * stride + x, stride);
     putThree(variance[x], written + kLight * stride + x, stride);
   }
+}
+
+/// Until something is lost, that is all there is, still with its texture.
+void GuessFilter::Work::copyLost(const vec3* radiance, int y) {
+  for (int x = 0; x < planes_.width; ++x)
+    putThree(radiance[x], planes_.lostRow(y) + x, planes_.stride);
 }
 
 void GuessFilter::Work::clearMargins(int y) {
@@ -118,6 +143,9 @@ void GuessFilter::Work::clearMargins(int y) {
     clear(planes_.cellRow(y) + p * planes_.stride, 0.0f);
     clear(planes_.writtenRow(y) + p * planes_.stride, 0.0f);
   }
+  if (planes_.lost == nullptr) return;
+  for (std::size_t p = 0; p < kLostPlanes; ++p)
+    clear(planes_.lostRow(y) + p * planes_.stride, 0.0f);
 }
 
 void GuessFilter::Work::prepareRow(int y) {
@@ -141,13 +169,29 @@ void GuessFilter::Work::prepareRow(int y) {
   }
 }
 
+void GuessFilter::Work::loseRow(int y) {
+  const std::size_t stride = planes_.stride;
+  for (int x = 0; x < planes_.width; ++x) {
+    const float *guide = planes_.guideRow(y) + x, *cell = planes_.cellRow(y) + x;
+    float* lost = planes_.lostRow(y) + x;
+    putThree(getThree(lost, stride) / getThree(guide + kAlbedo * stride, stride) -
+                 getThree(cell + kLight * stride, stride),
+             lost, stride);
+  }
+}
+
 void GuessFilter::Work::finishRow(int y) {
   const std::size_t stride = planes_.stride;
   for (int x = 0; x < planes_.width; ++x) {
     const float *guide = planes_.guideRow(y) + x, *cell = planes_.cellRow(y) + x;
     vec3& v = out[index(y) + static_cast<std::size_t>(x)];
-    v = getThree(cell + kLight * stride, stride) * getThree(guide + kAlbedo * stride, stride);
-    if (!correction_) continue;
+    const vec3 albedo = getThree(guide + kAlbedo * stride, stride);
+    v = getThree(cell + kLight * stride, stride);
+    if (!correction_) {
+      v = glm::max(v + getThree(planes_.lostRow(y) + x, stride), vec3(0.0f)) * albedo;
+      continue;
+    }
+    v *= albedo;
     const float value = cell[kBright * stride];
     const float square = value * value;
     v *= square > 0.0f ? square / (square + kDoubt * cell[kVariance * stride]) : 0.0f;
@@ -160,11 +204,16 @@ void GuessFilter::Work::passRow(int y) {
       return prepareRow(y);
     case kSmooth:
       return kernels_.smoothVariance(planes_, y);
+    case kLose:
+      return loseRow(y);
     case kFinish:
       return finishRow(y);
     default:
-      return kernels_.gather(planes_, y, step());
+      break;
   }
+  if (pass_ < kLose) return kernels_.gather(planes_, y, step());
+  if ((pass_ - kGiveBack) % 2 == 0) return kernels_.share(planes_, y, step());
+  kernels_.collect(planes_, y, step());
 }
 
 void GuessFilter::Work::band() {
@@ -176,14 +225,18 @@ void GuessFilter::Work::band() {
   tbb::parallel_for(row_, end, [&](int k) { passRow(rowInOrder(k, planes_.height, step())); });
   row_ = end;
   if (row_ < planes_.height) return;
-  if (pass_ >= kSmooth && pass_ < kFinish) std::swap(planes_.cells, planes_.written);
+  if (pass_ >= kSmooth && pass_ < kLose) std::swap(planes_.cells, planes_.written);
   ++pass_;
+  if (pass_ == kLose && correction_) pass_ = kFinish;
   row_ = 0;
 }
 
 GuessFilter::GuessFilter(const FeatureImage& features, const std::vector<vec3>& radiance,
+                         const std::vector<vec3>& variance, const std::vector<vec3>& calm)
+    : work_(std::make_unique<Work>(features, radiance, variance, &calm, false)) {}
+GuessFilter::GuessFilter(const FeatureImage& features, const std::vector<vec3>& radiance,
                          const std::vector<vec3>& variance, bool correction)
-    : work_(std::make_unique<Work>(features, radiance, variance, correction)) {}
+    : work_(std::make_unique<Work>(features, radiance, variance, nullptr, correction)) {}
 GuessFilter::GuessFilter(GuessFilter&& other) noexcept = default;
 GuessFilter& GuessFilter::operator=(GuessFilter&& other) noexcept = default;
 GuessFilter::~GuessFilter() = default;
@@ -202,7 +255,7 @@ std::vector<vec3> GuessFilter::result() {
 }
 
 std::uint64_t GuessFilter::bytesNeeded(std::uint32_t width, std::uint32_t height) {
-  const std::uint64_t floats = FilterPlanes::strideOf(width) * kFilterPlanes;
+  const std::uint64_t floats = FilterPlanes::strideOf(width) * (kFilterPlanes + kLostPlanes);
   return (floats * sizeof(float) + width * sizeof(vec3)) * height;
 }
 

@@ -2,10 +2,12 @@
 // variance, so that it fades to nothing as samples grow. Never used on an exact picture.
 //
 // An a-trous wavelet filter [Dammertz et al., HPG 2010] with variance-guided weights in the manner
-// of [Schied et al., HPG 2017], on radiance divided by albedo. What the correction estimates, the
-// bias of a cached guess, varies slowly over surfaces: filtering it apart from the guess keeps the
-// guess's detail, and adding only as much of it as stands out of its noise lowers the error [Gu,
-// Iglesias-Guitian, Moon, SIGGRAPH Asia 2022].
+// of [Schied et al., HPG 2017], on radiance divided by albedo. Such weights take rare bright
+// samples for what they are not and lose their light, so what the filter took is given back: spread
+// widely over pixels that show the same surface, whatever their light, none of it lost. What the
+// correction estimates, the bias of a cached guess, varies slowly over surfaces: filtering it apart
+// from the guess keeps the guess's detail, and adding only as much of it as stands out of its noise
+// lowers the error [Gu, Iglesias-Guitian, Moon, SIGGRAPH Asia 2022].
 #pragma once
 
 #include <cstdint>
@@ -27,6 +29,10 @@ class GuessFilter {
   /// below do apart from each other is told by `correction`.
   GuessFilter(const FeatureImage& features, const std::vector<vec3>& radiance,
               const std::vector<vec3>& variance, bool correction);
+  /// Of a guess, starting from `calm`, the same without its rarest samples. Their light is given
+  /// back all the same.
+  GuessFilter(const FeatureImage& features, const std::vector<vec3>& radiance,
+              const std::vector<vec3>& variance, const std::vector<vec3>& calm);
   GuessFilter(GuessFilter&& other) noexcept;
   GuessFilter& operator=(GuessFilter&& other) noexcept;
   ~GuessFilter();
@@ -46,7 +52,8 @@ class GuessFilter {
   std::unique_ptr<Work> work_;
 };
 
-/// Filters `radiance` in one go.
+/// Filters `radiance` in one go. The sum of the result's luminance is that of `radiance` but for
+/// differences of the colour of albedos; no value is negative.
 std::vector<vec3> denoiseGuess(const FeatureImage& features, const std::vector<vec3>& radiance,
                                const std::vector<vec3>& variance);
 

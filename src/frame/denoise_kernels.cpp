@@ -17,8 +17,8 @@
 namespace trex {
 namespace {
 
-constexpr float kTolerance = 2.0f;  // differences below this many deviations are noise
-constexpr float kAlbedoTolerance = 0.1f;
+constexpr float kTolerance = 3.0f;  // differences below this many deviations are noise
+constexpr float kAlbedoTolerance = 0.2f;
 constexpr float kFar = 20.0f;  // exponents beyond count as infinite
 constexpr float kInfinite = std::numeric_limits<float>::infinity();
 
@@ -34,23 +34,28 @@ struct Taps {
   int count = 0;
 };
 
-// The 5x5 pixels `step` apart, without the centre, whose rows are in the picture.
-Taps listTaps(const FilterPlanes& planes, int y, int step) {
-  constexpr float kSpline[3] = {3.0f / 8.0f, 1.0f / 4.0f, 1.0f / 16.0f};
+// Weights of an even picture by the distance along an axis, of 5 and of 3 pixels.
+constexpr float kWide[3] = {3.0f / 8.0f, 1.0f / 4.0f, 1.0f / 16.0f};
+constexpr float kNarrow[2] = {1.0f / 2.0f, 1.0f / 4.0f};
+
+// The pixels `step` apart, without the centre, whose rows are in the picture.
+template <std::size_t kReach>
+Taps listTaps(const FilterPlanes& planes, int y, int step, const float (&spline)[kReach]) {
+  constexpr int kMost = static_cast<int>(kReach) - 1;
   // 1 / sqrt(dx^2 + dy^2) by the squared distance.
   constexpr float kInverse[9] = {0.0f,        1.0f, 0.70710678f, 0.0f,       0.5f,
                                  0.44721360f, 0.0f, 0.0f,        0.35355339f};
   const float inverseStep = 1.0f / static_cast<float>(step);
   const auto stride = static_cast<std::ptrdiff_t>(planes.stride);
   Taps taps;
-  for (int dy = -2; dy <= 2; ++dy) {
+  for (int dy = -kMost; dy <= kMost; ++dy) {
     if (y + dy * step < 0 || y + dy * step >= planes.height) continue;
-    for (int dx = -2; dx <= 2; ++dx) {
+    for (int dx = -kMost; dx <= kMost; ++dx) {
       if (dx == 0 && dy == 0) continue;
       Tap& tap = taps.tap[taps.count++];
       tap.guide = dy * step * std::ptrdiff_t{kGuidePlanes} * stride + dx * step;
       tap.cell = dy * step * std::ptrdiff_t{kCellPlanes} * stride + dx * step;
-      tap.spline = kSpline[std::abs(dx)] * kSpline[std::abs(dy)];
+      tap.spline = spline[std::abs(dx)] * spline[std::abs(dy)];
       tap.perPixel = inverseStep * kInverse[dx * dx + dy * dy];
     }
   }
@@ -86,6 +91,9 @@ HWY_INLINE Three minus(const Three& a, const Three& b) {
 }
 HWY_INLINE VF dot(const Three& a, const Three& b) {
   return hn::Add(hn::Add(hn::Mul(a.x, b.x), hn::Mul(a.y, b.y)), hn::Mul(a.z, b.z));
+}
+HWY_INLINE VF luminanceOf(const Three& v) {
+  return dot(v, {set(0.2126f), set(0.7152f), set(0.0722f)});
 }
 
 // exp(-x), within 2e-4 of itself; 0 where x is kFar or more. A polynomial for the fraction of the
@@ -130,18 +138,22 @@ HWY_INLINE bool guideDistances(const float* guides, std::size_t stride, std::ptr
     const float* guide = guides + x;
     const float* other = guide + neighbour;
     const Three normal = loadThree(guide + kNormal * stride, stride);
-    const VF cosine = hn::Min(dot(normal, loadThree(other + kNormal * stride, stride)), set(1.0f));
+    const Three otherNormal = loadThree(other + kNormal * stride, stride);
+    const VF cosine = hn::Min(dot(normal, otherNormal), set(1.0f));
     const VF c2 = hn::Mul(cosine, cosine), c4 = hn::Mul(c2, c2), c8 = hn::Mul(c4, c4);
     const VF c16 = hn::Mul(c8, c8);
     VF power = hn::Mul(c16, c16);
     const Three between = minus(loadThree(other + kPosition * stride, stride),
                                 loadThree(guide + kPosition * stride, stride));
+    // The same from both sides, as both must agree on what they share.
     const VF off = hn::Mul(hn::Abs(dot(normal, between)), hn::LoadU(df, guide + kSlope * stride));
+    const VF otherOff =
+        hn::Mul(hn::Abs(dot(otherNormal, between)), hn::LoadU(df, other + kSlope * stride));
     const Three colour = minus(loadThree(guide + kAlbedo * stride, stride),
                                loadThree(other + kAlbedo * stride, stride));
     const VF colourDistance =
         hn::Mul(dot(colour, colour), set(1.0f / (kAlbedoTolerance * kAlbedoTolerance)));
-    VF distance = hn::Add(hn::Mul(off, set(perPixel)), colourDistance);
+    VF distance = hn::Add(hn::Mul(hn::Add(off, otherOff), set(0.5f * perPixel)), colourDistance);
     // Beyond, the power is less than 2^-32.
     distance = hn::IfThenElse(hn::Gt(cosine, set(0.5f)), distance, set(kInfinite));
     // Where one shows nothing, only those alike go together.
@@ -168,12 +180,18 @@ HWY_INLINE void forParts(int width, Part& part, Work work) {
   }
 }
 
+HWY_INLINE VF guideWeight(const Part& part, int x, float spline) {
+  const DF df;
+  return hn::Mul(set(spline), hn::Mul(hn::Load(df, part.power + x),
+                                      expOfMinus(hn::Load(df, part.distance + x))));
+}
+
 // A variance from few samples is itself noise and rarely too large: the mean over a neighbourhood
 // bounds it from below.
 void smoothVariance(const FilterPlanes& planes, int y) {
   const DF df;
   const std::size_t stride = planes.stride;
-  const Taps taps = listTaps(planes, y, 1);
+  const Taps taps = listTaps(planes, y, 1, kWide);
   Part part;
   forParts(planes.width, part, [&](int first) {
     const float* cells = planes.cellRow(y) + first;
@@ -187,8 +205,7 @@ void smoothVariance(const FilterPlanes& planes, int y) {
         continue;
       const float* other = cells + tap.cell + kVariance * stride;
       for (int x = 0; x < part.width; x += kLanes) {
-        const VF w =
-            hn::Mul(hn::Load(df, part.power + x), expOfMinus(hn::Load(df, part.distance + x)));
+        const VF w = guideWeight(part, x, 1.0f);
         const VF sum = hn::Add(hn::Load(df, sums + x), hn::Mul(w, hn::LoadU(df, other + x)));
         hn::Store(sum, df, sums + x);
         hn::Store(hn::Add(hn::Load(df, part.weights + x), w), df, part.weights + x);
@@ -251,7 +268,7 @@ HWY_INLINE void finishGather(const Part& part, float* written, std::size_t strid
     const VF weights = hn::Load(df, part.weights + x);
     Three light = loadThree(part.sum[kLight] + x, kPart);
     light = {hn::Div(light.x, weights), hn::Div(light.y, weights), hn::Div(light.z, weights)};
-    const VF bright = dot(light, {set(0.2126f), set(0.7152f), set(0.0722f)});
+    const VF bright = luminanceOf(light);
     const VF variance = hn::Div(hn::Load(df, part.sum[kVariance] + x), hn::Mul(weights, weights));
     hn::StoreU(light.x, df, written + kLight * stride + x);
     hn::StoreU(light.y, df, written + (kLight + 1) * stride + x);
@@ -265,7 +282,7 @@ HWY_INLINE void finishGather(const Part& part, float* written, std::size_t strid
 // the processor busier than one long chain of a pixel.
 void gather(const FilterPlanes& planes, int y, int step) {
   const std::size_t stride = planes.stride;
-  const Taps taps = listTaps(planes, y, step);
+  const Taps taps = listTaps(planes, y, step, kWide);
   Part part;
   forParts(planes.width, part, [&](int first) {
     const float* guides = planes.guideRow(y) + first;
@@ -280,7 +297,80 @@ void gather(const FilterPlanes& planes, int y, int step) {
   });
 }
 
-FilterKernels filterKernels() { return {smoothVariance, gather}; }
+constexpr float kCentre = 1.0f / 4.0f;  // the weight of a pixel in its own 3x3
+
+// A pixel's light goes to those alike in proportion to weight times albedo, so that it sends as
+// much light as it has however its neighbours' albedos differ.
+void share(const FilterPlanes& planes, int y, int step) {
+  const DF df;
+  const std::size_t stride = planes.stride;
+  const Taps taps = listTaps(planes, y, step, kNarrow);
+  Part part;
+  forParts(planes.width, part, [&](int first) {
+    const float* guides = planes.guideRow(y) + first;
+    float* albedo = part.sum[kBright];
+    for (int x = 0; x < part.width; x += kLanes) {
+      const VF own = luminanceOf(loadThree(guides + kAlbedo * stride + x, stride));
+      hn::Store(own, df, albedo + x);
+      hn::Store(hn::Mul(set(kCentre), own), df, part.weights + x);
+    }
+    for (int t = 0; t < taps.count; ++t) {
+      const Tap& tap = taps.tap[t];
+      if (!guideDistances(guides, stride, tap.guide, tap.perPixel, part)) continue;
+      for (int x = 0; x < part.width; x += kLanes) {
+        const float* other = guides + tap.guide + kAlbedo * stride + x;
+        addTo(part.weights + x,
+              hn::Mul(guideWeight(part, x, tap.spline), luminanceOf(loadThree(other, stride))));
+      }
+    }
+    const float* lost = planes.lostRow(y) + first;
+    float* written = planes.writtenRow(y) + first + kLight * stride;
+    for (int x = 0; x < part.width; x += kLanes) {
+      // Beside the picture albedo is zero.
+      const VF scale =
+          hn::Div(hn::Load(df, albedo + x), hn::Add(hn::Load(df, part.weights + x), set(1e-30f)));
+      const Three light = loadThree(lost + x, stride);
+      hn::StoreU(hn::Mul(light.x, scale), df, written + x);
+      hn::StoreU(hn::Mul(light.y, scale), df, written + stride + x);
+      hn::StoreU(hn::Mul(light.z, scale), df, written + 2 * stride + x);
+    }
+  });
+}
+
+void collect(const FilterPlanes& planes, int y, int step) {
+  const DF df;
+  const std::size_t stride = planes.stride;
+  const Taps taps = listTaps(planes, y, step, kNarrow);
+  Part part;
+  forParts(planes.width, part, [&](int first) {
+    const float* guides = planes.guideRow(y) + first;
+    const float* shares = planes.writtenRow(y) + first + kLight * stride;
+    for (int x = 0; x < part.width; x += kLanes) {
+      const Three own = loadThree(shares + x, stride);
+      hn::Store(hn::Mul(set(kCentre), own.x), df, part.sum[kLight] + x);
+      hn::Store(hn::Mul(set(kCentre), own.y), df, part.sum[kLight + 1] + x);
+      hn::Store(hn::Mul(set(kCentre), own.z), df, part.sum[kLight + 2] + x);
+    }
+    for (int t = 0; t < taps.count; ++t) {
+      const Tap& tap = taps.tap[t];
+      if (!guideDistances(guides, stride, tap.guide, tap.perPixel, part)) continue;
+      for (int x = 0; x < part.width; x += kLanes) {
+        const VF w = guideWeight(part, x, tap.spline);
+        const Three other = loadThree(shares + tap.cell + x, stride);
+        addTo(part.sum[kLight] + x, hn::Mul(w, other.x));
+        addTo(part.sum[kLight + 1] + x, hn::Mul(w, other.y));
+        addTo(part.sum[kLight + 2] + x, hn::Mul(w, other.z));
+      }
+    }
+    float* lost = planes.lostRow(y) + first;
+    for (std::size_t p = 0; p < kLostPlanes; ++p) {
+      for (int x = 0; x < part.width; x += kLanes)
+        hn::StoreU(hn::Load(df, part.sum[p] + x), df, lost + p * stride + x);
+    }
+  });
+}
+
+FilterKernels filterKernels() { return {smoothVariance, gather, share, collect}; }
 
 }  // namespace HWY_NAMESPACE
 }  // namespace trex

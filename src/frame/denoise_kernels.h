@@ -33,6 +33,9 @@ enum CellPlane : std::size_t {
   kCellPlanes = 5
 };
 
+/// Light that the filter took from a pixel, to be given back around it: three planes.
+constexpr std::size_t kLostPlanes = 3;
+
 /// The filter's memory, owned elsewhere. Copies see the same.
 struct FilterPlanes {
   static constexpr int kIterations = 5;  // steps of 1, 2, 4, 8, 16 pixels
@@ -45,6 +48,7 @@ struct FilterPlanes {
   float* guides = nullptr;   ///< height * kGuidePlanes * stride
   float* cells = nullptr;    ///< height * kCellPlanes * stride: read
   float* written = nullptr;  ///< as many
+  float* lost = nullptr;     ///< height * kLostPlanes * stride; null if nothing is given back
 
   /// An odd number of cache lines, or planes would compete for the same sets of the cache.
   static std::size_t strideOf(std::size_t width) {
@@ -54,6 +58,7 @@ struct FilterPlanes {
   float* guideRow(int y) const { return row(guides, kGuidePlanes, y); }
   float* cellRow(int y) const { return row(cells, kCellPlanes, y); }
   float* writtenRow(int y) const { return row(written, kCellPlanes, y); }
+  float* lostRow(int y) const { return row(lost, kLostPlanes, y); }
 
  private:
   float* row(float* base, std::size_t planes, int y) const {
@@ -61,12 +66,19 @@ struct FilterPlanes {
   }
 };
 
-/// Both read guides and cells and write row y of `written`; different rows may run at once.
+/// Different rows may run at once. The first two read guides and cells and write row y of
+/// `written`; the others together spread what was lost over 3x3 pixels `step` apart that are alike,
+/// so that the sum of light times albedo's luminance stays what it was: each pixel shares out all
+/// that it has.
 struct FilterKernels {
   /// Light as it is; variances not below the mean of their neighbourhood.
   void (*smoothVariance)(const FilterPlanes& planes, int y);
   /// The weighted mean of 5x5 pixels `step` apart, and its variance.
   void (*gather)(const FilterPlanes& planes, int y, int step);
+  /// What a pixel gives for a weight of one, from `lost` to the light of `written`.
+  void (*share)(const FilterPlanes& planes, int y, int step);
+  /// What it is given, from there to `lost`.
+  void (*collect)(const FilterPlanes& planes, int y, int step);
 };
 
 /// Obeys hwy::SetSupportedTargetsForTest. Thread safe.

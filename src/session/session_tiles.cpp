@@ -124,7 +124,9 @@ void Session::add(FrameBuffers& frame, const Batch& batch, std::size_t i) {
   const bool paired = batch.paired[i] != 0;
   if (sample == 0) frame.restart(x, y);
   const bool finite = frame.sums.add(x, y, sample, p.common + p.guess, paired ? &exact : nullptr);
-  if (frame.features) frame.features->add(x, y, p.feature);
+  if (frame.features && finite) {
+    frame.features->add(x, y, p.feature, p.common - p.own + p.guess);
+  }
   if (frame.coverage) frame.coverage->add(x, y, p.alpha);
   if (frame.firstHits) frame.firstHits->add(x, y, sample, p.first);
   if (frame.direct && finite) frame.direct->add(x, y, p.direct, paired ? &p.directExact : nullptr);

@@ -8,6 +8,8 @@ namespace trex {
 namespace {
 
 constexpr std::uint64_t kPairsThatTell = 2;  // a pixel, from which on there is a variance
+/// Of a pixel, from which on their own spread tells enough of their variance.
+constexpr std::uint64_t kSamplesThatTell = 4;
 
 /// Calls value(x, y) for every pixel of the lattice, in parallel by rows.
 template <typename Value>
@@ -23,7 +25,7 @@ std::vector<vec3> collect(std::uint32_t width, std::uint32_t height, std::uint32
   return out;
 }
 
-/// A single sample brighter than all around it is a rare path: it counts as the brightest of them.
+/// A pixel brighter than all around it has met a rare path: it counts as the brightest of them.
 std::vector<vec3> withoutDots(const std::vector<vec3>& picture, std::uint32_t width,
                               std::uint32_t height) {
   std::vector<vec3> out = picture;
@@ -46,7 +48,7 @@ std::vector<vec3> withoutDots(const std::vector<vec3>& picture, std::uint32_t wi
   return out;
 }
 
-/// Of single samples nothing is known but how they differ from their neighbours.
+/// Of so few samples little is known but how they differ from their neighbours.
 std::vector<vec3> spreadAround(const std::vector<vec3>& picture, std::uint32_t width,
                                std::uint32_t height) {
   std::vector<vec3> out(picture.size());
@@ -88,7 +90,8 @@ FeatureImage perCovered(const FeatureImage& all, const std::vector<float>& cover
       Feature f = all.mean(x, y);
       const float share = covered[std::size_t{y} * all.width() + x];
       if (share > 0.0f) {
-        f = {f.albedo / share, f.normal / share, f.position / share, f.footprint / share};
+        f = {f.albedo / share, f.normal / share, f.position / share, f.footprint / share,
+             f.black / share};
       }
       out.add(x, y, f);
     }
@@ -141,36 +144,45 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
     picture_ = each([&](Pixel x, Pixel y) { return sums.mean(x, y); });
     return;
   }
-  auto guess = each([&](Pixel x, Pixel y) { return sums.guess(x, y).mean(); });
+  const FeatureImage& features = *frame.features;
+  auto guess = each([&](Pixel x, Pixel y) { return features.light(x, y); });
+  picture_ = each([&](Pixel x, Pixel y) {
+    return glm::max(sums.guess(x, y).mean() - dvec3(features.light(x, y)), dvec3(0.0));
+  });
   const std::uint32_t columns = (width + step - 1) / step, rows = (height + step - 1) / step;
-  auto variance = each([&](Pixel x, Pixel y) { return sums.guess(x, y).varianceOfMean(); });
-  if (frame.tiles.samplesDone() < 2) {
-    const auto calm = withoutDots(guess, columns, rows);
+  auto variance = each([&](Pixel x, Pixel y) { return features.lightVariance(x, y); });
+  std::vector<vec3> calm = guess;
+  if (frame.tiles.samplesDone() < kSamplesThatTell) {
+    calm = withoutDots(guess, columns, rows);
     const auto spread = spreadAround(calm, columns, rows);
     for (std::size_t i = 0; i < spread.size(); ++i) {
       const auto x = static_cast<Pixel>(i % columns) * step,
                  y = static_cast<Pixel>(i / columns) * step;
       const auto [px, py] = source(x, y);
-      if (sums.guess(px, py).count() >= 2) continue;
-      variance[i] = spread[i];
-      guess[i] = calm[i];
+      if (sums.guess(px, py).count() >= kSamplesThatTell) {
+        calm[i] = guess[i];
+      } else {
+        variance[i] = glm::max(variance[i], spread[i]);
+      }
     }
   }
   if (!whole) {
-    guess_.emplace(thinFeatures(*frame.features, step, source), guess, variance, false);
+    guess_.emplace(thinFeatures(features, step, source), guess, variance, calm);
     return;
   }
-  const FeatureImage* features = frame.features.get();
+  const FeatureImage* shownFeatures = &features;
   std::optional<FeatureImage> ofCovered;
   if (options.premultiplied) {
     for (Pixel y = 0; y < height; ++y) {
       for (Pixel x = 0; x < width; ++x) covered_.push_back(frame.coverage->mean(x, y));
     }
     perCovered(guess, covered_);
+    perCovered(calm, covered_);
+    perCovered(picture_, covered_);
     perCovered(variance, covered_, 2);
-    features = &ofCovered.emplace(perCovered(*frame.features, covered_));
+    shownFeatures = &ofCovered.emplace(perCovered(features, covered_));
   }
-  guess_.emplace(*features, guess, variance, false);
+  guess_.emplace(*shownFeatures, guess, variance, calm);
   if (!options.pairs || sums.fewestPairs() < kPairsThatTell) return;
   // A rare bright path makes both mean and variance of its pixel large; a pixel that has met none
   // knows too little of them. So no variance counts as less than that of all pixels together.
@@ -184,20 +196,23 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
     perCovered(difference, covered_);
     perCovered(spread, covered_, 2);
   }
-  correction_.emplace(*features, difference, spread, true);
+  correction_.emplace(*shownFeatures, difference, spread, true);
+}
+
+void ShownPicture::addResult(std::optional<GuessFilter>& filter) {
+  const auto add = filter->result();
+  for (std::size_t i = 0; i < add.size(); ++i) picture_[i] += add[i];
+  filter.reset();
 }
 
 bool ShownPicture::advance(const std::function<bool()>& keepGoing) {
   if (guess_) {
     if (!guess_->advance(keepGoing)) return false;
-    picture_ = guess_->result();
-    guess_.reset();
+    addResult(guess_);
   }
   if (correction_) {
     if (!correction_->advance(keepGoing)) return false;
-    const auto add = correction_->result();
-    for (std::size_t i = 0; i < add.size(); ++i) picture_[i] += add[i];
-    correction_.reset();
+    addResult(correction_);
   }
   for (std::size_t i = 0; i < covered_.size(); ++i) picture_[i] *= covered_[i];
   covered_.clear();

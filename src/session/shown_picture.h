@@ -35,8 +35,9 @@ class ShownPicture {
  private:
   void gather(const FrameBuffers& frame, std::uint32_t width, std::uint32_t height,
               const ShownOptions& options);
+  void addResult(std::optional<GuessFilter>& filter);
 
-  std::vector<vec3> picture_;
+  std::vector<vec3> picture_;   ///< until done, what is not filtered
   std::vector<float> covered_;  ///< of the whole picture, if it is premultiplied and filtered
   std::optional<GuessFilter> guess_, correction_;
 };

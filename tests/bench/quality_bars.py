@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """Prints the picture-quality figures of the README: exact mode against references of another renderer,
-early quality, bias of the guess, consistency of the hybrid.
+early quality, bias of the guess, consistency of the hybrid, what the filter does to the mean.
 
-    tests/bench/quality_bars.py [--trex build/trex] [--only early,bias,exact,consistent] [--scenes a,b]
-                                [--runs 5] [--seconds 40] [--out FOLDER] [-- further options of trex render]
+    tests/bench/quality_bars.py [--trex build/trex] [--only early,first,filter,bias,exact,consistent] [--scenes a,b]
+                                [--against OTHER_TREX] [--runs 5] [--seconds 40] [--out FOLDER]
+                                [-- further options of trex render]
 
 Needs the folder of shared scenes and references (TREX_SHARED, else ../shared) and its Python
 environment: peers/setup.sh makes it and prints the interpreter to run this with. One JSON line a
@@ -34,9 +35,9 @@ class Runner:
         self.quality = quality_module()
         os.makedirs(options.out, exist_ok=True)
 
-    def render(self, scene, name, arguments):
+    def render(self, scene, name, arguments, trex=None):
         out = os.path.join(self.options.out, f"{scene}-{name}.exr")
-        command = [self.options.trex, "render", os.path.join(SHARED, "scenes/interiors", scene + ".glb"),
+        command = [trex or self.options.trex, "render", os.path.join(SHARED, "scenes/interiors", scene + ".glb"),
                    "-o", out, "--size", "256x256", "--json", "-q", *arguments, *self.options.rest]
         if scene in ENV:
             command += ["--env", ENV[scene]]
@@ -71,6 +72,42 @@ def early(run):
         rows.append((scene, f"{guess['flip']:.3f}", f"{exact['flip']:.3f}",
                      "yes" if guess["flip"] < exact["flip"] else "no"))
     return ("scene", "FLIP, guess 1 s", "FLIP, exact 5 s", "guess ahead"), rows
+
+
+def first(run):
+    """FLIP after half a second, of two builds in turn where there is another to compare with."""
+    builds = [b for b in (run.options.against, run.options.trex) if b]
+    rows, all_means = [], [[] for _ in builds]
+    for scene in run.options.scenes:
+        scores = [[] for _ in builds]
+        for seed in range(run.options.runs):
+            for which, build in enumerate(builds):
+                arguments = ["--exact", "0", "--time", "0.5", "--seed", str(seed)]
+                picture, _ = run.render(scene, f"first-{which}", arguments, build)
+                scores[which].append(run.score(scene, picture)["flip"])
+        means = [statistics.mean(s) for s in scores]
+        for every, mean in zip(all_means, means):
+            every.append(mean)
+        rows.append((scene, *(f"{m:.3f}" for m in means), f"{means[-1] / means[0] - 1:+.0%}"))
+    means = [statistics.mean(every) for every in all_means]
+    rows.append(("mean", *(f"{m:.3f}" for m in means), f"{means[-1] / means[0] - 1:+.0%}"))
+    return ("scene", *(f"FLIP after 0.5 s, {b}" for b in builds), "change"), rows
+
+
+def filtered(run):
+    """Mean of the filtered picture over that of the unfiltered one, for the same samples."""
+    rows, counts = [], ("1", "2", "4", "16")
+    for scene in run.options.scenes:
+        ratios = []
+        for count in counts:
+            means = []
+            for how in ("auto", "off"):
+                arguments = ["--exact", "0", "--spp", count, "--denoise", how, "--device", "none"]
+                picture, _ = run.render(scene, f"filter-{how}", arguments)
+                means.append(run.quality.read(picture).mean())
+            ratios.append(means[0] / means[1])
+        rows.append((scene, *(f"{r:.4f}" for r in ratios)))
+    return ("scene", *(f"filtered over unfiltered mean, {c} samples" for c in counts)), rows
 
 
 def bias(run):
@@ -125,6 +162,7 @@ def consistent(run):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trex", default=os.path.join(ROOT, "build/trex"))
+    parser.add_argument("--against", help="another build, for `first`")
     parser.add_argument("--only", default="early,bias,exact,consistent")
     parser.add_argument("--scenes", default=",".join(SCENES))
     parser.add_argument("--runs", type=int, default=5)
@@ -135,7 +173,9 @@ def main():
     options.scenes = options.scenes.split(",")
     run = Runner(options)
     for name in options.only.split(","):
-        header, rows = {"early": early, "bias": bias, "exact": exact, "consistent": consistent}[name](run)
+        measures = {"early": early, "first": first, "filter": filtered, "bias": bias, "exact": exact,
+                    "consistent": consistent}
+        header, rows = measures[name](run)
         print(f"\n| {' | '.join(header)} |\n|{'---|' * len(header)}")
         for row in rows:
             print(f"| {' | '.join(row)} |")

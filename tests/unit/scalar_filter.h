@@ -15,9 +15,9 @@
 namespace trex::test {
 
 inline constexpr int kIterations = 5;           // steps of 1, 2, 4, 8, 16 pixels
-inline constexpr float kTolerance = 2.0f;       // differences below this many deviations are noise
+inline constexpr float kTolerance = 3.0f;       // differences below this many deviations are noise
 inline constexpr float kPlaneTolerance = 1.0f;  // pixel widths off the surface's plane
-inline constexpr float kAlbedoTolerance = 0.1f;
+inline constexpr float kAlbedoTolerance = 0.2f;
 inline constexpr float kLeastAlbedo = 0.02f;
 
 // Of variances: they are estimates, too small where light is rare.
@@ -59,7 +59,8 @@ class ScalarFilter {
         height_(static_cast<int>(features.height())),
         guides_(radiance.size()),
         cells_(radiance.size()),
-        next_(radiance.size()) {
+        next_(radiance.size()),
+        raw_(radiance.size()) {
     tbb::parallel_for(0, height_, [&](int y) {
       for (int x = 0; x < width_; ++x) {
         const std::size_t i = index(x, y);
@@ -73,6 +74,7 @@ class ScalarFilter {
         guide.perPixel = 1.0f / (kPlaneTolerance * f.footprint + 1e-30f);
         const vec3 spread = variance[i] / (guide.albedo * guide.albedo);
         cells_[i] = {radiance[i] / guide.albedo, luminance(spread)};
+        raw_[i] = cells_[i].light;
       }
     });
   }
@@ -86,9 +88,14 @@ class ScalarFilter {
       cells_.swap(next_);
     }
     std::vector<vec3> out(cells_.size());
+    std::vector<vec3> lost(cells_.size());
+    if (!shrink) lost = givenBack();
     for (std::size_t i = 0; i < out.size(); ++i) {
       out[i] = cells_[i].light * guides_[i].albedo;
-      if (!shrink) continue;
+      if (!shrink) {
+        out[i] = glm::max(cells_[i].light + lost[i], vec3(0.0f)) * guides_[i].albedo;
+        continue;
+      }
       const float value = luminance(cells_[i].light);
       const float square = value * value;
       out[i] *= square > 0.0f ? square / (square + kDoubt * cells_[i].variance) : 0.0f;
@@ -113,9 +120,11 @@ class ScalarFilter {
     if (cosine <= 0.5f) return kInfinity;  // less than 2^-32
     const float c2 = cosine * cosine, c4 = c2 * c2, c8 = c4 * c4, c16 = c8 * c8;
     power = c16 * c16;
-    const float off = std::abs(glm::dot(a.normal, b.position - a.position)) * a.length;
+    const vec3 between = b.position - a.position;
+    const float off = std::abs(glm::dot(a.normal, between)) * a.length * a.perPixel +
+                      std::abs(glm::dot(b.normal, between)) * b.length * b.perPixel;
     const vec3 colour = a.albedo - b.albedo;
-    return off * a.perPixel * inverseDistance +
+    return 0.5f * off * inverseDistance +
            glm::dot(colour, colour) * (1.0f / (kAlbedoTolerance * kAlbedoTolerance));
   }
 
@@ -129,6 +138,51 @@ class ScalarFilter {
         const int px = x + dx * step;
         if (px < 0 || px >= width_) continue;
         visit(dx, dy, index(px, py));
+      }
+    }
+  }
+
+  /// What the filter took of each pixel's light, spread: all that a pixel has it shares out among
+  /// the 3x3 pixels `step` apart, in proportion to weight times the luminance of their albedo.
+  std::vector<vec3> givenBack() const {
+    std::vector<vec3> lost(cells_.size());
+    for (std::size_t i = 0; i < lost.size(); ++i) lost[i] = raw_[i] - cells_[i].light;
+    for (int step = 1; step < 1 << kIterations; step *= 2) {
+      std::vector<vec3> given(cells_.size(), vec3(0.0f));
+      for (int y = 0; y < height_; ++y) {
+        for (int x = 0; x < width_; ++x) {
+          const std::size_t at = index(x, y);
+          double all = 0.0;
+          sharers(x, y, step, [&](std::size_t i, float w) {
+            all += static_cast<double>(w * luminance(guides_[i].albedo));
+          });
+          const vec3 light = lost[at] * luminance(guides_[at].albedo) / static_cast<float>(all);
+          sharers(x, y, step, [&](std::size_t i, float w) { given[i] += w * light; });
+        }
+      }
+      lost = given;
+    }
+    return lost;
+  }
+
+  /// Calls visit(pixel, weight) for those that a pixel shares with.
+  template <typename Visit>
+  void sharers(int x, int y, int step, Visit visit) const {
+    const std::size_t at = index(x, y);
+    for (int dy = -1; dy <= 1; ++dy) {
+      for (int dx = -1; dx <= 1; ++dx) {
+        const int px = x + dx * step, py = y + dy * step;
+        if (px < 0 || px >= width_ || py < 0 || py >= height_) continue;
+        float w = (dx == 0 ? 0.5f : 0.25f) * (dy == 0 ? 0.5f : 0.25f);
+        if (dx != 0 || dy != 0) {
+          float power = 0.0f;
+          const float pixels =
+              static_cast<float>(step) * (dx != 0 && dy != 0 ? std::sqrt(2.0f) : 1.0f);
+          const float far =
+              guideDistance(guides_[at], guides_[index(px, py)], 1.0f / pixels, power);
+          w *= power * expOfMinus(far);
+        }
+        visit(index(px, py), w);
       }
     }
   }
@@ -193,6 +247,7 @@ class ScalarFilter {
   int width_, height_;
   std::vector<Guide> guides_;
   std::vector<Cell> cells_, next_;
+  std::vector<vec3> raw_;
 };
 
 }  // namespace trex::test

@@ -152,6 +152,101 @@ TEST_F(CheckpointTest, NoticesEveryChangedByteAndLength) {
   EXPECT_THROW(other->restoreCheckpoint(reader), Error);
 }
 
+/// Means of channels of the whole picture.
+double meanOf(const Picture& picture, const std::string& name) {
+  double sum = 0.0;
+  for (std::size_t i = channel(picture, name); i < picture.values.size();
+       i += picture.channels.size()) {
+    sum += static_cast<double>(picture.values[i]);
+  }
+  return sum / (picture.width * picture.height);
+}
+
+TEST(Filter, KeepsTheMean) {
+  for (const std::uint32_t samples : {1u, 2u, 4u, 16u}) {
+    RenderSettings s = settings(0.0, samples);
+    double mean[2];
+    for (const bool filtered : {false, true}) {
+      s.denoise = filtered;
+      const auto r = session(s);
+      r->run([](double) { return true; });
+      mean[filtered ? 1 : 0] = meanOf(r->picture(), "G");
+    }
+    EXPECT_NEAR(mean[1] / mean[0], 1.0, 0.01) << samples << " samples";
+  }
+}
+
+/// Unlit strips of 3 pixels and an emitter, above a mirror: nothing of them is noise.
+TEST(Filter, LeavesAloneWhatIsNotLit) {
+  Scene scene;
+  scene.materials = {test::lambert(0.6f), test::lambert(0.0f, 3.0f), test::lambert(0.9f)};
+  scene.materials[2].metallic = 1.0f;
+  scene.materials[2].roughness = 0.05f;
+  for (int i = 0; i < 2; ++i) {
+    scene.materials.push_back(test::lambert(i == 0 ? 0.9f : 0.1f));
+    scene.materials.back().unlit = true;
+  }
+  test::place(scene, test::box(vec3(-2.0f), vec3(2.0f), 0, true));
+  for (int i = 0; i < 16; ++i) {
+    const float x = -0.8f + 0.1f * static_cast<float>(i);
+    test::place(scene,
+                test::box(vec3(x, -0.5f, -1.9f), vec3(x + 0.1f, 0.5f, -1.8f), 3 + i % 2, false));
+  }
+  test::place(scene, test::box(vec3(-0.5f, 0.7f, -1.9f), vec3(0.5f, 1.0f, -1.8f), 1, false));
+  test::place(scene, test::box(vec3(-1.5f, -1.2f, -1.9f), vec3(1.5f, -1.1f, 0.0f), 2, false));
+  scene.cameras = {test::lookAt(dvec3(0.0, 0.0, 1.9), dvec3(0.0, 0.0, -2.0), 0.9f)};
+  const Camera camera = scene.cameras.front();
+  const auto model =
+      std::make_shared<const Model>(makeModel(scene, {.voxels = true, .voxelDepth = 5}));
+  std::vector<Picture> pictures;
+  for (const bool filtered : {false, true}) {
+    RenderSettings s = settings(0.0, 16);
+    s.denoise = filtered;
+    Session r(model, camera, s, kAll);
+    r.run([](double) { return true; });
+    pictures.push_back(r.picture());
+  }
+  std::size_t alone = 0;
+  for (std::uint32_t y = 0; y < kHeight; ++y) {
+    for (std::uint32_t x = 0; x < kWidth; ++x) {
+      const float material = value(pictures[0], "materialId", x, y);
+      if (material != 1.0f && material < 3.0f) continue;
+      // Unlit and emissive throughout: rims of a wall have its light in them.
+      if (value(pictures[0], "albedo.R", x, y) > 1e-3f) continue;
+      ++alone;
+      const float plain = value(pictures[0], "R", x, y);
+      EXPECT_NEAR(value(pictures[1], "R", x, y), plain, 1e-4f * (plain + 1.0f)) << x << ' ' << y;
+    }
+  }
+  EXPECT_GT(alone, 500u);
+}
+
+/// The inside of a house whose walls are thinner than a voxel is as bright as it should be.
+TEST(Guess, IndirectLightIsRightWhateverTheLeaves) {
+  Scene scene;
+  scene.materials = {test::lambert(0.6f), test::lambert(0.0f, 20.0f)};
+  test::place(scene, test::box(vec3(-2.0f), vec3(2.0f), 0, true));
+  test::place(scene, test::box(vec3(-2.15f), vec3(2.15f), 0, false));
+  test::place(scene, test::box(vec3(-1.5f, -2.0f, -1.5f), vec3(-0.5f, 0.0f, -0.5f), 0, false));
+  test::place(scene, test::box(vec3(-0.2f, 0.6f, -0.2f), vec3(0.2f, 1.0f, 0.2f), 1, false));
+  scene.cameras = {test::lookAt(dvec3(0.0, 0.0, 1.9), dvec3(0.0, -0.5, -1.0), 1.2f)};
+  const Camera camera = scene.cameras.front();
+  const auto indirect = [&](double exact, std::uint32_t samples, int depth) {
+    RenderSettings s = settings(exact, samples);
+    s.width = s.height = 32;
+    s.denoise = false;
+    Session r(std::make_shared<const Model>(
+                  makeModel(scene, {.voxels = depth > 0, .voxelDepth = std::max(depth, 1)})),
+              camera, s, kAll);
+    r.run([](double) { return true; });
+    return meanOf(r.picture(), "indirect.G");
+  };
+  const double truth = indirect(1.0, 256, 0);
+  for (const int depth : {4, 5, 6}) {
+    EXPECT_NEAR(indirect(0.0, 64, depth) / truth, 1.0, 0.02) << "depth " << depth;
+  }
+}
+
 TEST(Layers, DirectAndIndirectMakeTheMean) {
   for (const double exact : {0.0, 0.5, 1.0}) {
     for (const GuessKind guess : {GuessKind::kRay, GuessKind::kCone}) {
