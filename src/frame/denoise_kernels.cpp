@@ -248,8 +248,10 @@ HWY_INLINE void gatherTap(const float* cells, std::size_t stride, const Tap& tap
     const VF difference =
         hn::Sub(hn::LoadU(df, cell + kBright * stride), hn::LoadU(df, other + kBright * stride));
     const VF variance = hn::LoadU(df, other + kVariance * stride);
-    const VF noise = hn::Mul(hn::Add(hn::LoadU(df, cell + kVariance * stride), variance),
-                             set(kTolerance * kTolerance));
+    // By its own variance alone: a rare bright neighbour, whose variance is large, must not be
+    // taken for one of those alike.
+    const VF noise =
+        hn::Mul(hn::LoadU(df, cell + kVariance * stride), set(2.0f * kTolerance * kTolerance));
     const VF far = hn::Add(hn::Load(df, part.distance + x),
                            hn::Div(hn::Mul(difference, difference), hn::Add(noise, set(1e-30f))));
     const VF w = hn::Mul(set(tap.spline), hn::Mul(hn::Load(df, part.power + x), expOfMinus(far)));

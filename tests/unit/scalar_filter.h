@@ -233,7 +233,7 @@ class ScalarFilter {
             guideDistance(guide, guides_[i], inverseStep * kInverse[dx * dx + dy * dy], power);
         if (!(far < kFar)) return;
         const float difference = bright - luminance(other.light);
-        const float noise = centre.variance + other.variance;
+        const float noise = 2.0f * centre.variance;
         far += difference * difference / (kTolerance * kTolerance * noise + 1e-30f);
         w *= power * expOfMinus(far);
       }
