@@ -99,6 +99,27 @@ FeatureImage perCovered(const FeatureImage& all, const std::vector<float>& cover
   return out;
 }
 
+/// The filter of the difference to exact paths. each(value): of all pixels; `covered`: shares of
+/// them, or empty.
+template <typename Each>
+GuessFilter correctionOf(const Accumulator& sums, const FeatureImage& features, const Each& each,
+                         const std::vector<float>& covered) {
+  using Pixel = std::uint32_t;
+  // A rare bright path makes both mean and variance of its pixel large; a pixel that has met none
+  // knows too little of them. So no variance counts as less than that of all pixels together.
+  const dvec3 pooled = sums.pooledDifferenceVariance();
+  auto difference = each([&](Pixel x, Pixel y) { return sums.difference(x, y).mean(); });
+  auto spread = each([&](Pixel x, Pixel y) {
+    const Moments d = sums.difference(x, y);
+    return glm::max(d.varianceOfMean(), pooled / static_cast<double>(d.count()));
+  });
+  if (!covered.empty()) {
+    perCovered(difference, covered);
+    perCovered(spread, covered, 2);
+  }
+  return {features, difference, spread, true};
+}
+
 /// The features of the lattice's pixels; a pixel of it is `step` pixels wide.
 template <typename Source>
 FeatureImage thinFeatures(const FeatureImage& all, std::uint32_t step, const Source& source) {
@@ -184,19 +205,7 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
   }
   guess_.emplace(*shownFeatures, guess, variance, calm);
   if (!options.pairs || sums.fewestPairs() < kPairsThatTell) return;
-  // A rare bright path makes both mean and variance of its pixel large; a pixel that has met none
-  // knows too little of them. So no variance counts as less than that of all pixels together.
-  const dvec3 pooled = sums.pooledDifferenceVariance();
-  auto difference = each([&](Pixel x, Pixel y) { return sums.difference(x, y).mean(); });
-  auto spread = each([&](Pixel x, Pixel y) {
-    const Moments d = sums.difference(x, y);
-    return glm::max(d.varianceOfMean(), pooled / static_cast<double>(d.count()));
-  });
-  if (options.premultiplied) {
-    perCovered(difference, covered_);
-    perCovered(spread, covered_, 2);
-  }
-  correction_.emplace(*shownFeatures, difference, spread, true);
+  correction_.emplace(correctionOf(sums, *shownFeatures, each, covered_));
 }
 
 void ShownPicture::addResult(std::optional<GuessFilter>& filter) {
