@@ -243,7 +243,7 @@ TEST(Guess, IndirectLightIsRightWhateverTheLeaves) {
   };
   const double truth = indirect(1.0, 256, 0);
   for (const int depth : {4, 5, 6}) {
-    EXPECT_NEAR(indirect(0.0, 64, depth) / truth, 1.0, 0.02) << "depth " << depth;
+    EXPECT_NEAR(indirect(0.0, 128, depth) / truth, 1.0, 0.02) << "depth " << depth;
   }
 }
 
