@@ -135,8 +135,8 @@ PathSample Integrator::sample(std::uint32_t x, std::uint32_t y, std::uint32_t wi
             .pixelTag = pixelTag,
             .paired = paired,
             .coupled = true,
-            .certain = media_ == nullptr && !camera_.hasLens(),
-            .caustics = caustics_ ? caustics_->find(sample) : nullptr};
+            .caustics = caustics_ ? caustics_->find(sample) : nullptr,
+            .certain = media_ == nullptr && !camera_.hasLens()};
   const vec2 jitter = path.sampler.next2D();
   camera_.ray(static_cast<float>(x) + jitter.x, static_cast<float>(y) + jitter.y,
               path.start.position, path.direction);
