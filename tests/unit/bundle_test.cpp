@@ -12,6 +12,7 @@
 #include "src/core/error.h"
 #include "src/core/file.h"
 #include "tests/unit/bundle_scene.h"
+#include "tests/unit/scenes.h"
 
 namespace trex {
 namespace {
@@ -50,6 +51,39 @@ TEST_F(BundleTest, SavingWhatWasReadGivesTheSameBytes) {
   EXPECT_EQ(again.rays->parts().shared.size(), 1u);
   EXPECT_EQ(again.rays->parts().placed.size(), 3u);
   EXPECT_TRUE(bundleBytes(again, littleFacts()) == bytes);
+}
+
+/// Of a scene of 200 km what is small has grids of its own, which a bundle keeps as well.
+TEST_F(BundleTest, GridsOfTheirOwnComeBack) {
+  Scene scene;
+  scene.materials = {test::lambert(0.5f)};
+  dmat4 far(1.0);
+  far[3] = glm::dvec4(1e5, 0.0, 0.0, 1.0);
+  test::place(scene, test::box(vec3(-1e5f, -1.0f, -10.0f), vec3(1e5f, 0.0f, 10.0f), 0, false));
+  test::place(scene, test::box(vec3(-0.1f, 0.001f, -0.2f), vec3(0.1f, 0.007f, 0.2f), 0, false),
+              far);
+  scene.cameras = {test::lookAt(dvec3(1e5, 2.0, 0.0), dvec3(1e5, 0.0, 0.0), 0.5f)};
+  ModelOptions options;
+  options.voxelDepth = 3;
+  options.voxels = true;
+  const Model model = makeModel(std::move(scene), options);
+  ASSERT_EQ(model.rays->parts().placed.size(), 2u);
+  EXPECT_EQ(model.rays->statistics().instances, 0u);
+  const auto bytes = bundleBytes(model, littleFacts());
+  const Model again = modelOf(test::readBuffer(bytes));
+  EXPECT_TRUE(bundleBytes(again, littleFacts()) == bytes);
+  for (const Model* m : {&model, &again}) {
+    const dvec3 above = dvec3(1e5, 1.0, 0.0) - m->rays->renderOrigin();
+    RayHit hit;
+    ASSERT_TRUE(m->rays->intersect(above, vec3(0, -1, 0), 0.0f, kInfinity, hit));
+    const Surface s = m->rays->surface(hit);
+    EXPECT_EQ(s.object, 1u);
+    EXPECT_NEAR(s.position.y + m->rays->renderOrigin().y, 0.007, 1e-6);
+    // From below it, the slab is a millimetre away.
+    ASSERT_TRUE(
+        m->rays->intersect(above - dvec3(0.0, 0.9995, 0.0), vec3(0, -1, 0), 0.0f, kInfinity, hit));
+    EXPECT_NEAR(hit.t, 0.0005f, 1e-6f);
+  }
 }
 
 TEST_F(BundleTest, TextsDoNotHoldTheModelsFolder) {
