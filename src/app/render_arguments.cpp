@@ -44,7 +44,7 @@ void readSettings(RenderArguments& a) {
   if (!a.path.empty() && !a.cameras.empty()) {
     fail(ExitCode::kUsage, "--path and --camera: give one of them");
   }
-  if (!knownPictureExtension(a.output)) {
+  if (!a.output.empty() && !knownPictureExtension(a.output)) {
     fail(ExitCode::kUsage, "-o {}: unknown picture format; use .exr, .png or .jpg", a.output);
   }
   if (s.transparent && isJpeg(a.output)) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "src/crays/reading_pages.h"
 #include "src/scene/emission.h"
 #include "src/scene/texture.h"
 
@@ -153,7 +154,7 @@ void Emitters::addPages(std::vector<Run>& out) const {
              glm::all(glm::lessThanEqual(lower, box.upper));
     });
     if (!near) continue;
-    const hccm::PagedMesh::Pin pin = paged.page(g.page);
+    const auto pin = readingPages([&] { return paged.page(g.page); });
     for (std::uint32_t c = g.first; c < std::uint32_t{g.first} + g.count; ++c) {
       const std::uint32_t material = pin.mesh().clusterMaterial(c);
       if (!shines(material)) continue;

@@ -67,6 +67,7 @@ struct Integrator::Path {
   const CausticMap* caustics;     // of this sample; may be null
   LightPoint vertex{vec3(0.0f)};  // the last that scattered, reflected or bent the path
   ClearPath clear{};              // since then
+  RayStart left{};                // where it left the vertex
   RayStart start{};
   vec3 direction{0.0f}, throughput{1.0f}, absorption{0.0f};
   float tnear = 0.0f;
@@ -241,8 +242,8 @@ bool Integrator::meet(Path& path) const {
     if (way.begun()) way.advance(path.hit.t);
     const float density = bsdf.unlit() ? kInfinity : path.density(),
                 travelled = path.travelled + path.hit.t;
-    const float weight =
-        emitterWeight(density, path.vertex, way, travelled, path.direction, surface, path.hit);
+    const float weight = emitterWeight(density, path.left, path.vertex, way, travelled,
+                                       path.direction, surface, path.hit);
     const vec3 light = path.throughput * bsdf.emission() * weight;
     if (path.coneRay && path.coupled && density < kInfinity && travelled > nearField()) {
       // In place of a cone, which gathers no emission (sampleLight): the exact path's alone.
@@ -264,17 +265,23 @@ bool Integrator::meet(Path& path) const {
 }
 
 /// Share of an emitter's light that falls to a path from a vertex, where light sampling may find it
-/// too. `density` as Path::density(), `travelled` metres to it by `way`.
-float Integrator::emitterWeight(float density, const LightPoint& vertex, const ClearPath& way,
-                                float travelled, const vec3& direction, const Surface& surface,
-                                const RayHit& hit) const {
+/// too. `density` as Path::density(), `left` where the ray left the vertex, `travelled` metres to
+/// it by `way`.
+float Integrator::emitterWeight(float density, const RayStart& left, const LightPoint& vertex,
+                                const ClearPath& way, float travelled, const vec3& direction,
+                                const Surface& surface, const RayHit& hit) const {
   if (!(density < kInfinity)) return 1.0f;
   const float cosine = std::abs(glm::dot(surface.geometricNormal, direction));
   const auto sampled = [&](float distance) {
     return lights_.pdfEmitter(vertex, hit, distance, cosine);
   };
   if (!way.begun()) return powerHeuristic(density, sampled(travelled));
-  // Light sampling chooses along the straight line; what counts is its density on this way.
+  // Light sampling chooses along the straight line; what counts is its density on this way, which
+  // it need not find: by the edge of a thick pane it may see another one, or none.
+  const RayEnd end(glm::length(vec3(surface.position - left.position)), surface.position);
+  const LightConnection found = layers_.connect(left, way.direction(), end);
+  constexpr float kSame = 4.0f * ClearPath::kStraight;
+  if (!found.reaches() || glm::length(found.direction - way.direction()) > kSame) return 1.0f;
   const auto distance = static_cast<float>(glm::length(surface.position - vertex.position));
   return powerHeuristic(density, sampled(distance) * way.spread() / (distance * distance));
 }
@@ -325,7 +332,7 @@ vec3 Integrator::scatteredLight(Path& path, const dvec3& point, float anisotropy
   if (!lights_.empty() && lights_.sample(point, path.sampler, light)) {
     const LightConnection way = connect(path, point, light.direction, light.end(), vec3(0.0f));
     const float phase = henyeyGreenstein(glm::dot(way.direction, path.direction), anisotropy);
-    const float pdf = light.pdf / way.focus;
+    const float pdf = light.pdfBy(way);
     const float weight = light.delta ? 1.0f : powerHeuristic(pdf, phase);
     sum += light.radiance * way.passed * (phase * weight / pdf);
   }
@@ -358,8 +365,8 @@ vec3 Integrator::lightAlong(Path& path, const dvec3& point, const vec3& directio
     const Bsdf bsdf(scene_, surface, -walk.direction);
     if (!bsdf.unlit() && maxComponent(bsdf.emission()) > 0.0f) {
       const float weight =
-          emitterWeight(walk.path.straight(walk.direction) ? pdf : kInfinity, point, walk.path,
-                        walk.length, walk.direction, surface, hit);
+          emitterWeight(walk.path.straight(walk.direction) ? pdf : kInfinity, point, point,
+                        walk.path, walk.length, walk.direction, surface, hit);
       sum += walk.passed * bsdf.emission() *
              (bsdf.coverage() * weight * media_->transmittance(point, direction, walk.length));
     }
@@ -437,7 +444,7 @@ void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsd
   const LightConnection way = connect(path, start, light.direction, light.end(), absorption);
   if (!way.reaches()) return;
   if (way.refracted) f = bsdf.evaluate(way.direction);
-  const float pdf = light.pdf / way.focus;
+  const float pdf = light.pdfBy(way);
   const vec3 unweighted = path.throughput * f * light.radiance * way.passed / pdf;
   const float weight = weigh(way.direction, pdf), guessWeight = farEmitter ? 1.0f : weight;
   const vec3 exact = unweighted * weight;
@@ -484,6 +491,7 @@ bool Integrator::scatter(Path& path, const Surface& surface, const Bsdf& bsdf,
   } else {
     path.vertex = lightPoint(surface, bsdf);
     path.clear = ClearPath();
+    path.left = path.start;
     path.travelled = 0.0f;
     path.scatterPdf = next.delta ? kInfinity : next.pdf;
     if (!next.delta) ++path.scattered;

@@ -129,9 +129,9 @@ class Integrator {
                           const RayEnd& end, const vec3& absorption) const;
   void shadowCone(Path& path, const RayStart& start, const LightSample& light,
                   const vec3& radiance) const;
-  float emitterWeight(float density, const LightPoint& vertex, const ClearPath& way,
-                      float travelled, const vec3& direction, const Surface& surface,
-                      const RayHit& hit) const;
+  float emitterWeight(float density, const RayStart& left, const LightPoint& vertex,
+                      const ClearPath& way, float travelled, const vec3& direction,
+                      const Surface& surface, const RayHit& hit) const;
   void passClear(Path& path, const Bsdf& bsdf, const vec3& direction) const;
 
   const Scene& scene_;

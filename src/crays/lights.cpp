@@ -222,6 +222,7 @@ bool LightSet::sampleTriangle(const Emitters::Triangle& t, const LightPoint& at,
   out.pdf = distance2 * place.density / cosine;
   out.solidAngle = std::min(emitters_.lampArea(t) * cosine / distance2, 2.0f * kPi);
   out.radiance = place.radiance;
+  out.normal = t.normal;
   out.delta = false;
   return visibility_.keeps(out.target);
 }

@@ -13,6 +13,7 @@
 #include "src/core/error.h"
 #include "src/crays/ray_scene_parts.h"
 #include "src/crays/ray_scene_surface.h"
+#include "src/crays/reading_pages.h"
 
 namespace trex {
 namespace {
@@ -198,20 +199,6 @@ void occludedGroupCallback(const RTCOccludedFunctionNArguments* args) {
   } catch (...) {
     context.failed = std::current_exception();
     ray.tfar = -kInfinity;
-  }
-}
-
-// Errors of pages as errors of the program.
-template <typename Function>
-auto readingPages(const Function& function) {
-  try {
-    return function();
-  } catch (const Error&) {
-    throw;
-  } catch (const std::bad_alloc&) {
-    fail(ExitCode::kMemoryOrDevice, "not enough memory for a page of the mesh");
-  } catch (const std::exception& e) {
-    fail(ExitCode::kInput, "{}", e.what());
   }
 }
 

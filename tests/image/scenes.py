@@ -191,7 +191,7 @@ def coats(glb):
     frosted = glb.material("frosted", (0.9, 0.95, 1.0), roughness=0.4, specular=1.0,
                            glass={"ior": 1.4, "thickness": 1.0, "color": [0.8, 0.95, 0.9],
                                   "distance": 0.5})
-    glb.object("frosted", Shape().box((0.3, 0.0, -0.2), (0.9, 0.7, 0.3)), frosted)
+    glb.object("frosted", Shape().box((0.3, 0.01, -0.2), (0.9, 0.7, 0.3)), frosted)
     painted = Shape().box((-0.9, 0.0, -0.2), (-0.3, 0.7, 0.3))
     painted.colors = [(255 - 9 * i, 10 * i, 128, 255) for i in range(24)]
     glb.object("painted", painted, glb.material("paint", (1, 1, 1)))

@@ -57,6 +57,7 @@ TEST_F(BundleTest, SavingWhatWasReadGivesTheSameBytes) {
 TEST_F(BundleTest, GridsOfTheirOwnComeBack) {
   Scene scene;
   scene.materials = {test::lambert(0.5f)};
+  scene.objects = {"slab", "plate"};
   dmat4 far(1.0);
   far[3] = glm::dvec4(1e5, 0.0, 0.0, 1.0);
   test::place(scene, test::box(vec3(-1e5f, -1.0f, -10.0f), vec3(1e5f, 0.0f, 10.0f), 0, false));

@@ -73,8 +73,8 @@ class StreamBake(unittest.TestCase):
         self.assertEqual(a["voxel_depth"], b["voxel_depth"])
         self.assertEqual(self.left_over(), [])
         for options in (["--exact", "1"], []):
-            self.render("a.trex", "a.exr", *options, spp="16")
-            self.render("b.trex", "b.exr", *options, spp="16")
+            self.render("a.trex", "a.exr", *options, spp="32")
+            self.render("b.trex", "b.exr", *options, spp="32")
             p = run("diff", self.path("a.exr"), self.path("b.exr"), "--json")
             d = json.loads(p.stdout)
             self.assertLess(d["flip"], 0.08, options)
