@@ -10,9 +10,9 @@
 //                       by octant (bit 0 x, bit 1 y, bit 2 z set = upper half)
 //  voxels[i]    uvec4   what every level knows of its content, see below
 //  leaves[k]    uvec2   occupancy of 4x4x4 sub-voxels, bit x + 4y + 16z, lower word first
-//  light[i]     uvec4   irradiance (W/m^2) by side, rgb9e5: x front total, y back total, z front
-//                       indirect, w back indirect. Front: light arriving against the voxel's
-//                       normal.
+//  light[i]     uvec4   irradiance (W/m^2) by side, rgb9e5. x front, y back: of the faces of that
+//                       side, for surface points. z front, w back: the same light over all faces of
+//                       the voxel, for cones. Front: light arriving against the voxel's normal.
 #ifndef ASVO_LAYOUT_H
 #define ASVO_LAYOUT_H
 

@@ -224,12 +224,13 @@ uint asvoConeLight(vec3 reflectance, uint irradiance) ASVO_READS {
   return asvoPackRgb9e5(reflectance * asvoUnpackRgb9e5(irradiance) * kAsvoInvPi);
 }
 
-/// All that a cone reads of a voxel. `v`: its words; `light`: irradiance. x: extinction along
-/// the axes (8 bits each) and the plane; y: normal, 3 x 10 bits; z, w: radiance of front and back.
+/// All that a cone reads of a voxel. `v`: its words; `light`: irradiance, of which a cone takes
+/// that of the voxel as a whole, as it meets all of its faces together. x: extinction along the
+/// axes (8 bits each) and the plane; y: normal, 3 x 10 bits; z, w: radiance of front and back.
 uvec4 asvoConeWords(uvec4 v, uvec4 light) ASVO_READS {
   uvec2 shape = asvoConeShape(v);
   vec3 albedo = asvoUnpackAlbedo(v.z);
-  return uvec4(shape, asvoConeLight(albedo, light.x), asvoConeLight(albedo, light.y));
+  return uvec4(shape, asvoConeLight(albedo, light.z), asvoConeLight(albedo, light.w));
 }
 
 // Defined as false, it leaves out what lies below the grid: for cones that start wider

@@ -22,7 +22,7 @@ constexpr float kFewFaces = 0.25f;
 /// Sums over a sub-tree, by side (0 front).
 struct Sums {
   vec3 total[2] = {vec3(0.0f), vec3(0.0f)};
-  vec3 indirect[2] = {vec3(0.0f), vec3(0.0f)};
+  float all = 0.0f;                 ///< area of all faces
   float faces[2] = {0.0f, 0.0f};    ///< area of the faces of that side
   float sheets[2] = {0.0f, 0.0f};   ///< of those that have the other side alone
   bool behind[2] = {false, false};  ///< light came to the backs of such
@@ -33,10 +33,10 @@ struct Sums {
   float area(int side) const { return faces[side] + (behind[side] ? sheets[side] : 0.0f); }
 
   void add(const Sums& child, bool flipped) {
+    all += child.all;
     for (int side = 0; side < 2; ++side) {
       const int from = flipped ? 1 - side : side;
       total[side] += child.total[from];
-      indirect[side] += child.indirect[from];
       faces[side] += child.faces[from];
       sheets[side] += child.sheets[from];
       behind[side] |= child.behind[from];
@@ -78,7 +78,7 @@ struct LightResolver::Work {
 
  private:
   struct Irradiance {
-    vec3 total[2], indirect[2];
+    vec3 faces[2], voxel[2];
   };
 
   template <typename Function>
@@ -114,11 +114,10 @@ struct LightResolver::Work {
     Sums s;
     const std::uint32_t leaf = node - tree_.info.firstLeaf;
     for (int side = 0; side < 2; ++side) {
-      s.indirect[side] = flux(indirect_, leaf, side);
-      s.total[side] = flux(direct_, leaf, side) + s.indirect[side];
+      s.total[side] = flux(direct_, leaf, side) + flux(indirect_, leaf, side);
     }
     const float area = tree_.leafArea(node), back = area * backShare(node);
-    s.faces[0] = area;
+    s.faces[0] = s.all = area;
     (back > 0.0f ? s.faces[1] : s.sheets[1]) = back > 0.0f ? back : area;
     s.behind[1] = back <= 0.0f && s.total[1] != vec3(0.0f);
     return s;
@@ -168,22 +167,22 @@ struct LightResolver::Work {
     for (int side = 0; side < 2; ++side) {
       const float area = s.area(side);
       if (area >= leastArea_) {
-        e.total[side] = s.total[side] / area;
-        e.indirect[side] = s.indirect[side] / area;
+        e.faces[side] = s.total[side] / area;
       } else if (!s.behind[side] && s.sheets[side] >= leastArea_) {
-        e.total[side] = e.indirect[side] = vec3(0.0f);
+        e.faces[side] = vec3(0.0f);
       } else {
-        e.total[side] = tracer_.asvoUnpackRgb9e5(side == 0 ? coarser.x : coarser.y);
-        e.indirect[side] = tracer_.asvoUnpackRgb9e5(side == 0 ? coarser.z : coarser.w);
+        e.faces[side] = tracer_.asvoUnpackRgb9e5(side == 0 ? coarser.x : coarser.y);
       }
+      e.voxel[side] = s.all >= leastArea_
+                          ? s.total[side] / s.all
+                          : tracer_.asvoUnpackRgb9e5(side == 0 ? coarser.z : coarser.w);
     }
     return e;
   }
 
   asvo::uvec4 pack(const Irradiance& e) const {
-    return asvo::uvec4(tracer_.asvoPackRgb9e5(e.total[0]), tracer_.asvoPackRgb9e5(e.total[1]),
-                       tracer_.asvoPackRgb9e5(e.indirect[0]),
-                       tracer_.asvoPackRgb9e5(e.indirect[1]));
+    return asvo::uvec4(tracer_.asvoPackRgb9e5(e.faces[0]), tracer_.asvoPackRgb9e5(e.faces[1]),
+                       tracer_.asvoPackRgb9e5(e.voxel[0]), tracer_.asvoPackRgb9e5(e.voxel[1]));
   }
 
   const asvo::Tree& tree_;

@@ -19,10 +19,10 @@ inline constexpr std::uint64_t kWordsPerLeaf = 12;
 /// count being `wattsPerCount`. Sums of flux over sums of area go up the tree, sides exchanged
 /// where a child faces against its parent. The area of a side is that of the faces that lie on it,
 /// and of the backs of others where light came to a back: the inside of a solid gets none, and must
-/// not count where a voxel holds both faces of a wall. A voxel side with less than kLeastArea of a
-/// leaf's face takes the quotient of its next ancestor that has more, for a small area makes a
-/// noisy quotient. Runs on the calling oneTBB arena; same bits for any number of threads and
-/// interruptions.
+/// not count where a voxel holds both faces of a wall. Cones take the light over all faces. A voxel
+/// side with less than kLeastArea of a leaf's face takes the quotient of its next ancestor that has
+/// more, for a small area makes a noisy quotient. Runs on the calling oneTBB arena; same bits for
+/// any number of threads and interruptions.
 class LightResolver {
  public:
   /// The spans must stay as they are until advance() is done.
