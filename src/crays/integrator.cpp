@@ -407,7 +407,9 @@ void Integrator::shadowCone(Path& path, const RayStart& start, const LightSample
     request.background *= media_->transmittance(start.position, light.direction, light.distance);
   }
   if (layers_.glass()) {  // voxels have none
-    request.background *= layers_.walk(start, light.direction, light.end()).glass;
+    const ClearWalk walk = layers_.walk(start, light.direction, light.end());
+    if (!walk.path.straight(walk.direction)) return;  // bent: scattered rays find it
+    request.background *= walk.glass;
   }
   request.direct = path.scattered == 0;
   request.pixel = path.pixelTag;

@@ -155,8 +155,8 @@ void ConeTable::refresh(std::span<const asvo::uvec4> light,
       reflectance += m.metallic * packer().asvoUnpackAlbedo(m.baseColor);
     }
     reflectance = glm::min(reflectance, glm::vec3(1.0f));
-    words_[i].z = packer().asvoConeLight(reflectance, light[i].x);
-    words_[i].w = packer().asvoConeLight(reflectance, light[i].y);
+    words_[i].z = packer().asvoConeLight(reflectance, light[i].z);
+    words_[i].w = packer().asvoConeLight(reflectance, light[i].w);
   });
   stale_ = false;
 }
