@@ -214,7 +214,7 @@ int main(int argc, char** argv) {
     const float phi = 2.0f * kPi * bench::uniform(2 * i), u = bench::uniform(2 * i + 1);
     const vec3 local(std::cos(phi) * std::sqrt(u), std::sin(phi) * std::sqrt(u),
                      std::sqrt(1.0f - u));
-    const vec3 origin = s.position + n * 1e-4f;
+    const vec3 origin = vec3(s.position) + n * 1e-4f;
     diffuse.push_back({origin, Basis(n).toWorld(local), 0.0f, kInfinity});
     const vec3 toLight = light - origin;
     shadow.push_back({origin, glm::normalize(toLight), 0.0f, glm::length(toLight)});

@@ -171,7 +171,7 @@ class Replay(ViewTest):
         self.same("screen.png", "saved.png")
         render = [TREX, "render", self.cornell, "--edits", "look.json", "--size", "%dx%d" % SIZE, "--spp", "4",
                   "--device", "none"]
-        layers = "albedo,normal,position,depth,objectId,materialId,sampleCount,variance"
+        layers = "A,albedo,normal,position,depth,objectId,materialId,sampleCount,variance"
         subprocess.run([*render, "-o", "capture.exr", "--aov", layers], check=True, cwd=self.folder, capture_output=True)
         self.same("saved.exr", "capture.exr")
         subprocess.run([*render, "-o", "capture.png", "--exposure", "0.5"], check=True, cwd=self.folder,
