@@ -135,6 +135,17 @@ struct Triangle {
   std::uint32_t material, object;
 };
 
+/// What a material is to a ray that asks whether anything blocks it.
+enum class Passage : std::uint8_t {
+  kBlocks,
+  kPasses,  ///< does not block, but that it was met is told
+  kAbsent,
+};
+struct Passages {
+  const Passage* ofMaterial;  ///< by number, for all of the mesh
+  bool met = false;           ///< set where something that passes lies on the way; not all are told
+};
+
 /// What one ray needs in every cluster, computed once a ray and mesh. Lengths in grid cells.
 struct alignas(16) PreparedRay {
   std::int32_t cell[4];        ///< the origin, rounded
@@ -153,6 +164,8 @@ struct alignas(16) PreparedRay {
   std::uint32_t fromCluster, fromTriangle;
   /// By object number, not 0: its clusters are not there for this ray. Null: all are.
   const std::uint8_t* hidden = nullptr;
+  /// For occluded() alone; null: everything blocks. Not owned.
+  Passages* passages = nullptr;
 };
 
 struct MeshView;
@@ -247,6 +260,7 @@ class Mesh {
   OccludedFunction occluded_ = nullptr;
   IntersectMeshFunction intersectMesh_ = nullptr;
   OccludedMeshFunction occludedMesh_ = nullptr;
+  void (*corners_)(const std::byte* record, std::uint32_t place, std::uint32_t* vertex) = nullptr;
   const char* targetName_ = "";
 
  public:

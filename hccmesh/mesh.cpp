@@ -74,6 +74,7 @@ Mesh::Mesh(std::span<const std::byte> bytes, std::shared_ptr<const void> owner)
   occluded_ = kernels.occluded;
   intersectMesh_ = kernels.intersectMesh;
   occludedMesh_ = kernels.occludedMesh;
+  corners_ = kernels.corners;
   targetName_ = kernels.name;
   std::vector<GridBox> boxes(clusterCount());
   for (std::uint32_t i = 0; i < clusterCount(); ++i) boxes[i] = boxOf(clusterOf(blob(i)));
@@ -97,7 +98,7 @@ Mesh Mesh::fromView(std::span<const std::byte> bytes, std::shared_ptr<const void
 std::uint64_t Mesh::triangleCount() const { return headerOf(bytes_).triangleCount; }
 std::uint64_t Mesh::droppedTriangles() const { return headerOf(bytes_).droppedTriangles; }
 std::uint32_t Mesh::clusterCount() const { return headerOf(bytes_).clusterCount; }
-double Mesh::step() const { return std::ldexp(1.0, headerOf(bytes_).stepExponent); }
+double Mesh::step() const { return double(stepOf(bytes_)); }
 double Mesh::errorBound() const { return headerOf(bytes_).errorBound; }
 glm::dvec3 Mesh::gridOrigin() const {
   const double* o = headerOf(bytes_).gridOrigin;
@@ -173,9 +174,11 @@ Triangle Mesh::triangle(std::uint32_t cluster, std::uint32_t index) const {
   out.hasNormals = (h.flags & layout::kNormals) != 0;
   out.hasTexCoords = (h.flags & layout::kTexCoords) != 0;
   out.hasColors = (h.flags & layout::kColors) != 0;
-  const LeafTopology leaf = readLeaf(b + layout::recordOffset(b, h, index / layout::kLeafSize));
+  std::uint32_t corners[3];
+  corners_(b + layout::recordOffset(b, h, index / layout::kLeafSize), index % layout::kLeafSize,
+           corners);
   for (std::uint32_t corner = 0; corner < 3; ++corner) {
-    const std::uint32_t vertex = leaf.vertex[leaf.corner[corner][index % layout::kLeafSize]];
+    const std::uint32_t vertex = corners[corner];
     std::int32_t grid[3];
     layout::readVertex(b + o.vertices, h, vertex, grid);
     for (int k = 0; k < 3; ++k) out.position[corner][k] = static_cast<float>(grid[k]) * step;
@@ -227,9 +230,9 @@ void setSurfaces(const Ray& ray, PreparedRay& p) {
   p.sureTo = p.tfar;
   p.targetSlack = -1.0;
   if (!ray.target) return;
-  p.sureTo = std::min(0.9f * p.tfar, p.tfar - 64.0f * static_cast<float>(p.targetSlack));
   p.target = *ray.target * double(p.cells);
   p.targetSlack = ray.targetSlack * double(p.cells) + kRounding;
+  p.sureTo = std::min(0.9f * p.tfar, p.tfar - 64.0f * static_cast<float>(p.targetSlack));
 }
 
 }  // namespace

@@ -281,6 +281,11 @@ HWY_INLINE LeafCode decodeLeaf(const std::uint8_t* record) {
 }
 #endif
 
+HWY_INLINE void cornersOf(const LeafCode& leaf, std::uint32_t place, std::uint32_t* vertex) {
+  const auto* of = reinterpret_cast<const std::uint8_t*>(leaf.vertex);
+  for (int k = 0; k < 3; ++k) vertex[k] = of[leaf.corner[k] >> (4 * place) & 15u];
+}
+
 // The vertices of a leaf in the ray's frame, by local number.
 class LocalVertices {
  public:
@@ -382,6 +387,7 @@ struct Leaf {
   const std::byte* vertices;
   const LeafCode* code;
   std::uint32_t number, cluster;
+  std::uint32_t from;  ///< place of the triangle that the ray leaves; beyond all if none of these
 };
 
 // Takes the nearest of the accepted lanes into hit; on equal t the lower (cluster, triangle).
@@ -392,19 +398,17 @@ HWY_INLINE bool takeNearest(const Leaf& leaf, std::uint32_t bits, VF t, VF u, VF
   const DF df;
   alignas(32) float ts[kLanes], us[kLanes], vs[kLanes], blurs[kLanes];
   hn::Store(t, df, ts), hn::Store(u, df, us), hn::Store(v, df, vs), hn::Store(blur, df, blurs);
-  const auto* vertexOf = reinterpret_cast<const std::uint8_t*>(leaf.code->vertex);
   bool found = false;
   for (; bits != 0; bits &= bits - 1) {
     const int lane = std::countr_zero(bits);
     const std::uint32_t place = first + static_cast<std::uint32_t>(lane);
     const std::uint32_t triangle = layout::kLeafSize * leaf.number + place;
-    if (triangle == ray.fromTriangle && leaf.cluster == ray.fromCluster) continue;
     // Far from both ends by more than any doubt, nothing more needs to be known.
     if (kAny && ts[lane] - blurs[lane] > ray.sureFrom && ts[lane] + blurs[lane] < ray.sureTo) {
       return true;
     }
     std::uint32_t corner[3];
-    for (int k = 0; k < 3; ++k) corner[k] = vertexOf[leaf.code->corner[k] >> (4 * place) & 15u];
+    cornersOf(*leaf.code, place, corner);
     Candidate c{ts[lane], us[lane], vs[lane], blurs[lane]};
     if (!c.meets(*leaf.header, leaf.vertices, corner, ray)) continue;
     const auto at = static_cast<float>(c.t);
@@ -420,6 +424,30 @@ HWY_INLINE bool takeNearest(const Leaf& leaf, std::uint32_t bits, VF t, VF u, VF
   return found;
 }
 
+// Of the triangles that the ray goes through, by bits. Most leaves that are visited have none: kept
+// apart, it leaves registers to what comes before.
+template <bool kAny>
+HWY_NOINLINE bool takeInside(const Leaf& leaf, const Vertex& a, const Vertex& b, const Vertex& d,
+                             const Edges& e, std::uint8_t inside, std::uint32_t first,
+                             PreparedRay& ray, Hit& hit) {
+  const DF df;
+  std::uint8_t lanes[8] = {inside};
+  MF accept = hn::LoadMaskBits(df, lanes);
+  const VF determinant = hn::Add(hn::Add(e.u, e.v), e.w);
+  accept = hn::And(accept, hn::Ne(determinant, hn::Zero(df)));
+  const VF reciprocal = hn::Div(hn::Set(df, 1.0f), determinant);
+  const VF u = hn::Mul(e.u, reciprocal), v = hn::Mul(e.v, reciprocal), w = hn::Mul(e.w, reciprocal);
+  const VF t = hn::Add(hn::Add(hn::Mul(u, a.z), hn::Mul(v, b.z)), hn::Mul(w, d.z));
+  const VF blur = blurOf(a, b, d, determinant, ray);
+  const VF finite = hn::Set(df, std::numeric_limits<float>::max());
+  accept =
+      hn::And(accept, hn::And(hn::Ge(hn::Add(t, blur), hn::Set(df, ray.tnear)),
+                              hn::Le(hn::Sub(t, blur), hn::Min(finite, hn::Set(df, ray.tfar)))));
+  if (hn::AllFalse(df, accept)) return false;
+  hn::StoreMaskBits(df, accept, lanes);
+  return takeNearest<kAny>(leaf, lanes[0], t, v, w, blur, first, ray, hit);
+}
+
 // Watertight test [Woop et al. 2013] of up to kLanes triangles; `first` is the place of the first.
 // No multiply-add: an edge must give the exact negative when its ends are exchanged.
 template <bool kAny>
@@ -430,7 +458,11 @@ HWY_INLINE bool testTriangles(const Leaf& leaf, const Vertex& a, const Vertex& b
              hn::Sub(hn::Mul(a.x, d.y), hn::Mul(a.y, d.x)),
              hn::Sub(hn::Mul(b.x, a.y), hn::Mul(b.y, a.x))};
   const VF zero = hn::Zero(df);
-  const MF active = hn::FirstN(df, count);
+  MF active = hn::FirstN(df, count);
+  if (leaf.from - first < kLanes) {  // not the triangle that the ray leaves
+    active = hn::AndNot(
+        hn::Eq(hn::Iota(df, 0.0f), hn::Set(df, static_cast<float>(leaf.from - first))), active);
+  }
   const auto inside = [&] {
     const VF least = hn::Min(hn::Min(e.u, e.v), e.w), most = hn::Max(hn::Max(e.u, e.v), e.w);
     return hn::And(active, hn::Or(hn::Ge(least, zero), hn::Le(most, zero)));
@@ -443,20 +475,9 @@ HWY_INLINE bool testTriangles(const Leaf& leaf, const Vertex& a, const Vertex& b
     accept = inside();
   }
 
-  const VF determinant = hn::Add(hn::Add(e.u, e.v), e.w);
-  accept = hn::And(accept, hn::Ne(determinant, zero));
-  const VF reciprocal = hn::Div(hn::Set(df, 1.0f), determinant);
-  const VF u = hn::Mul(e.u, reciprocal), v = hn::Mul(e.v, reciprocal), w = hn::Mul(e.w, reciprocal);
-  const VF t = hn::Add(hn::Add(hn::Mul(u, a.z), hn::Mul(v, b.z)), hn::Mul(w, d.z));
-  const VF blur = blurOf(a, b, d, determinant, ray);
-  const VF finite = hn::Set(df, std::numeric_limits<float>::max());
-  accept =
-      hn::And(accept, hn::And(hn::Ge(hn::Add(t, blur), hn::Set(df, ray.tnear)),
-                              hn::Le(hn::Sub(t, blur), hn::Min(finite, hn::Set(df, ray.tfar)))));
-  if (hn::AllFalse(df, accept)) return false;
   std::uint8_t lanes[8] = {};
   hn::StoreMaskBits(df, accept, lanes);
-  return takeNearest<kAny>(leaf, lanes[0], t, v, w, blur, first, ray, hit);
+  return takeInside<kAny>(leaf, a, b, d, e, lanes[0], first, ray, hit);
 }
 
 template <bool kAny>
@@ -465,7 +486,11 @@ HWY_INLINE bool testLeaf(const Cluster& c, const layout::ClusterHeader& h,
                          PreparedRay& ray, Hit& hit) {
   const LeafCode code = decodeLeaf(record);
   const LocalVertices vertices(c, code, ray);
-  const Leaf leaf{&h, reinterpret_cast<const std::byte*>(c.vertices), &code, number, cluster};
+  const std::uint32_t from =
+      ray.fromCluster == cluster && ray.fromTriangle / layout::kLeafSize == number
+          ? ray.fromTriangle % layout::kLeafSize
+          : Hit::kNothing;
+  const Leaf leaf{&h, reinterpret_cast<const std::byte*>(c.vertices), &code, number, cluster, from};
   bool found = false;
   for (std::uint32_t first = 0; first < code.triangles && !(kAny && found); first += kLanes)
     found |= testTriangles<kAny>(
@@ -541,8 +566,8 @@ HWY_INLINE std::uint32_t testBoxes(const BoxFrame& f, std::size_t at, const Prep
 }
 
 template <bool kAny>
-HWY_INLINE bool testCluster(const std::byte* bytes, PreparedRay& ray, std::uint32_t cluster,
-                            Hit& hit) {
+HWY_INLINE bool testLeaves(const std::byte* bytes, PreparedRay& ray, std::uint32_t cluster,
+                           Hit& hit) {
   const std::uint8_t* blob = reinterpret_cast<const std::uint8_t*>(bytes);
   const layout::ClusterHeader& h = *reinterpret_cast<const layout::ClusterHeader*>(blob);
   if (ray.hidden != nullptr && ray.hidden[h.object] != 0) return false;
@@ -585,6 +610,22 @@ HWY_INLINE bool testCluster(const std::byte* bytes, PreparedRay& ray, std::uint3
     if (kAny && found) return true;
   }
   return found;
+}
+
+template <bool kAny>
+HWY_INLINE bool testCluster(const std::byte* bytes, PreparedRay& ray, std::uint32_t cluster,
+                            Hit& hit) {
+  bool passes = false;
+  if (kAny && ray.passages != nullptr) {
+    const auto& h = *reinterpret_cast<const layout::ClusterHeader*>(bytes);
+    const Passage passage = ray.passages->ofMaterial[h.material];
+    passes = passage == Passage::kPasses;
+    if (passage == Passage::kAbsent || (passes && ray.passages->met)) return false;
+  }
+  const bool found = testLeaves<kAny>(bytes, ray, cluster, hit);
+  if (!passes) return found;
+  ray.passages->met |= found;
+  return false;
 }
 
 // Nearest first through the top level, down to triangles. Children wait on a stack with the
@@ -645,9 +686,12 @@ bool occludedMesh(const MeshView& mesh, const PreparedRay& ray) {
   Hit hit;
   return testMesh<true>(mesh, const_cast<PreparedRay&>(ray), hit);
 }
+void corners(const std::byte* record, std::uint32_t place, std::uint32_t* vertex) {
+  cornersOf(decodeLeaf(reinterpret_cast<const std::uint8_t*>(record)), place, vertex);
+}
 Kernels kernels() {
-  return {intersectCluster, occludedCluster, intersectMesh, occludedMesh,
-          hwy::TargetName(HWY_TARGET)};
+  return {intersectCluster, occludedCluster, intersectMesh,
+          occludedMesh,     corners,         hwy::TargetName(HWY_TARGET)};
 }
 
 }  // namespace HWY_NAMESPACE

@@ -35,6 +35,8 @@ struct Kernels {
   bool (*occluded)(const std::byte* blob, const PreparedRay& ray, std::uint32_t cluster);
   bool (*intersectMesh)(const MeshView& mesh, PreparedRay& ray, Hit& hit);
   bool (*occludedMesh)(const MeshView& mesh, const PreparedRay& ray);
+  /// The corners of a leaf's triangle: numbers of the cluster's vertices.
+  void (*corners)(const std::byte* record, std::uint32_t place, std::uint32_t* vertex);
   const char* name;  ///< of the instruction set
 };
 

@@ -35,9 +35,10 @@ inline std::uint32_t reverseBits(std::uint32_t x) {
   return __builtin_bswap32(x);
 }
 
-/// Owen scrambling of a value in base 2, by a Laine-Karras style permutation on reversed bits.
-inline std::uint32_t owenScramble(std::uint32_t x, std::uint32_t seed) {
-  x = reverseBits(x);
+/// Owen scrambling of a value in base 2 with its bits reversed, by a Laine-Karras style
+/// permutation.
+inline std::uint32_t owenScramble(std::uint32_t reversed, std::uint32_t seed) {
+  std::uint32_t x = reversed;
   x ^= x * 0x3d20adeau;
   x += seed;
   x *= (seed >> 16) | 1u;
@@ -46,34 +47,34 @@ inline std::uint32_t owenScramble(std::uint32_t x, std::uint32_t seed) {
   return reverseBits(x);
 }
 
-/// Second Sobol' dimension of index (the first is reverseBits). Its matrix is Pascal's triangle mod
-/// 2: by Lucas' theorem digit i is the sum of all index bits j that contain i, a superset
-/// transform.
+/// Second Sobol' dimension of index with its bits reversed (so the first is the index itself). Its
+/// matrix is Pascal's triangle mod 2: by Lucas' theorem digit i is the sum of all index bits j that
+/// contain i, a superset transform.
 inline std::uint32_t sobolSecond(std::uint32_t index) {
   index ^= (index >> 1) & 0x55555555u;
   index ^= (index >> 2) & 0x33333333u;
   index ^= (index >> 4) & 0x0f0f0f0fu;
   index ^= (index >> 8) & 0x00ff00ffu;
   index ^= (index >> 16) & 0x0000ffffu;
-  return reverseBits(index);
+  return index;
 }
 
 /// The numbers of one sample of one pixel, dimension by dimension. Cheap to make and to copy.
 class Sampler {
  public:
   Sampler(std::uint32_t pixel, std::uint32_t sample, std::uint32_t seed)
-      : key_(hashCombine(hashCombine(seed, 0x7265782du), pixel)), sample_(sample) {}
+      : key_(hashCombine(hashCombine(seed, 0x7265782du), pixel)), sample_(reverseBits(sample)) {}
 
   /// In [0, 1).
   float next1D() {
     const std::uint32_t key = hashCombine(key_, dimension_++);
-    return toUnitFloat(owenScramble(reverseBits(shuffled(key)), hash32(key ^ 0x5bd1e995u)));
+    return toUnitFloat(owenScramble(shuffled(key), hash32(key ^ 0x5bd1e995u)));
   }
   /// In [0, 1)^2, stratified in two dimensions over the samples of a pixel.
   vec2 next2D() {
     const std::uint32_t key = hashCombine(key_, dimension_++);
     const std::uint32_t index = shuffled(key);
-    const std::uint32_t x = owenScramble(reverseBits(index), hash32(key ^ 0x5bd1e995u));
+    const std::uint32_t x = owenScramble(index, hash32(key ^ 0x5bd1e995u));
     const std::uint32_t y = owenScramble(sobolSecond(index), hash32(key ^ 0xc2b2ae35u));
     return vec2(toUnitFloat(x), toUnitFloat(y));
   }
@@ -84,7 +85,7 @@ class Sampler {
  private:
   std::uint32_t shuffled(std::uint32_t key) const { return owenScramble(sample_, key); }
 
-  std::uint32_t key_, sample_, dimension_ = 0;
+  std::uint32_t key_, sample_, dimension_ = 0;  // the sample with its bits reversed
 };
 
 }  // namespace trex

@@ -52,10 +52,13 @@ ClearLayers::ClearLayers(const Scene& scene, const RayScene& rays) : scene_(scen
   for (const Material& m : scene.materials) {
     const bool passes = isClearGlass(m) || m.alphaMode != AlphaMode::kOpaque;
     const bool glass = isClearGlass(m) && passesLight(m);
-    passes_.push_back(passes ? 1 : 0);
+    const bool bends = isClearGlass(m) && m.volume;
+    passages_.push_back(passes ? hccm::Passage::kPasses : hccm::Passage::kBlocks);
+    bends_.push_back(bends ? hccm::Passage::kBlocks : hccm::Passage::kAbsent);
     glass_.push_back(glass ? 1 : 0);
     any_ |= passes;
     anyGlass_ |= glass;
+    anyBends_ |= bends;
   }
 }
 
@@ -95,7 +98,7 @@ ClearWalk ClearLayers::walk(const RayStart& start, const vec3& direction, const 
     }
     walk.advance(hit.t);
     const Surface surface = rays_.surface(hit);
-    if (passes_[surface.material] == 0) break;
+    if (passages_[surface.material] == hccm::Passage::kBlocks) break;
     if (!pass(surface, Bsdf(scene_, surface, -walk.direction), walk)) break;
   }
   walk.blocked = true;
@@ -104,11 +107,18 @@ ClearWalk ClearLayers::walk(const RayStart& start, const vec3& direction, const 
 
 LightConnection ClearLayers::connect(const RayStart& start, const vec3& direction,
                                      const RayEnd& end, const vec3& absorption) const {
-  if (any_) return aim(start, direction, end, absorption);
+  // Most rays meet nothing clear: whether they are blocked is all that there is to know.
+  const vec3 towards = end.point ? vec3(glm::normalize(*end.point - start.position)) : direction;
+  hccm::Passages seen{passages_.data()}, bends{bends_.data()};
+  const bool blocked = rays_.occluded(start, towards, 0.0f, end, any_ ? &seen : nullptr);
+  if (!blocked && seen.met) return aim(start, direction, end, absorption);
+  // What blocks the straight line need not block the one that glass bends.
+  if (blocked && anyBends_ && rays_.occluded(start, towards, 0.0f, end, &bends)) {
+    return aim(start, direction, end, absorption);
+  }
   LightConnection out;
   out.direction = direction;
-  const vec3 towards = end.point ? vec3(glm::normalize(*end.point - start.position)) : direction;
-  if (rays_.occluded(start, towards, 0.0f, end)) return out;
+  if (blocked) return out;
   out.passed = absorption == vec3(0.0f) ? vec3(1.0f) : glm::exp(-absorption * end.distance);
   return out;
 }

@@ -105,8 +105,10 @@ class ClearLayers {
 
   const Scene& scene_;
   const RayScene& rays_;
-  std::vector<std::uint8_t> passes_, glass_;  ///< by material
-  bool any_ = false, anyGlass_ = false;
+  std::vector<std::uint8_t> glass_;  ///< by material; of passages_ those that are glass
+  std::vector<hccm::Passage> passages_;
+  std::vector<hccm::Passage> bends_;  ///< by material: what refracts blocks, all else is absent
+  bool any_ = false, anyGlass_ = false, anyBends_ = false;
 };
 
 }  // namespace trex

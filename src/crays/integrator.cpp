@@ -19,11 +19,6 @@ float powerHeuristic(float a, float b) {
   return 1.0f / (1.0f + ratio * ratio);
 }
 
-/// Where light sampling looks from: with the normal if only light of that side is scattered here.
-LightPoint lightPoint(const Surface& surface, const Bsdf& bsdf) {
-  return {surface.position, bsdf.transmits() ? vec3(0.0f) : bsdf.normal()};
-}
-
 }  // namespace
 
 CameraRays::CameraRays(const Camera& camera, const dvec3& renderOrigin, std::uint32_t width,
@@ -64,10 +59,12 @@ struct Integrator::Path {
   PathSample result{};
   std::uint32_t pixelTag;
   bool paired, coupled;
-  const CausticMap* caustics;     // of this sample; may be null
-  LightPoint vertex{vec3(0.0f)};  // the last that scattered, reflected or bent the path
-  ClearPath clear{};              // since then
-  RayStart left{};                // where it left the vertex
+  const CausticMap* caustics;  // of this sample; may be null
+  LightPoint points[2] = {vec3(0.0f), vec3(0.0f)};
+  /// The last that scattered, reflected or bent the path.
+  LightPoint* vertex = points;
+  ClearPath clear{};  // since then
+  RayStart left{};    // where it left the vertex
   RayStart start{};
   vec3 direction{0.0f}, throughput{1.0f}, absorption{0.0f};
   float tnear = 0.0f;
@@ -84,6 +81,8 @@ struct Integrator::Path {
   bool certain = true;  // mirrors alone so far, and no choice
   RayHit hit{};
 
+  /// Where the path is.
+  LightPoint& other() { return points[vertex == points ? 1 : 0]; }
   /// `direct`: see PathSample.
   void add(const vec3& light, bool direct) {
     (coupled ? result.common : result.exact) += light;
@@ -184,7 +183,7 @@ void Integrator::miss(Path& path) const {
   }
   if (!lights_.hasEnvironment()) return;
   const float weight =
-      powerHeuristic(path.density(), lights_.pdfEnvironment(path.vertex, path.aim()));
+      powerHeuristic(path.density(), lights_.pdfEnvironment(*path.vertex, path.aim()));
   path.addSeen(path.throughput * lights_.environment(path.direction) * weight);
 }
 
@@ -200,7 +199,7 @@ bool Integrator::handToCone(Path& path) const {
   request.pixel = path.pixelTag;
   if (lights_.hasEnvironment()) {
     const float weight =
-        powerHeuristic(path.scatterPdf, lights_.pdfEnvironment(path.vertex, path.direction));
+        powerHeuristic(path.scatterPdf, lights_.pdfEnvironment(*path.vertex, path.direction));
     request.background = path.throughput * lights_.environment(path.direction) * weight;
     request.direct = path.scattered <= 1;
   }
@@ -242,7 +241,7 @@ bool Integrator::meet(Path& path) const {
     if (way.begun()) way.advance(path.hit.t);
     const float density = bsdf.unlit() ? kInfinity : path.density(),
                 travelled = path.travelled + path.hit.t;
-    const float weight = emitterWeight(density, path.left, path.vertex, way, travelled,
+    const float weight = emitterWeight(density, path.left, *path.vertex, way, travelled,
                                        path.direction, surface, path.hit);
     const vec3 light = path.throughput * bsdf.emission() * weight;
     if (path.coneRay && path.coupled && density < kInfinity && travelled > nearField()) {
@@ -257,6 +256,7 @@ bool Integrator::meet(Path& path) const {
   if (path.coupled && guess_.cache && endInCache(path, surface, bsdf) && !path.part()) return false;
 
   const bool coneVertex = guess_.cones && path.coupled && bsdf.cacheable() && !bsdf.onlyDelta();
+  path.other().moveTo(surface.position, bsdf.transmits() ? vec3(0.0f) : bsdf.normal());
   if (!bsdf.onlyDelta() && !lights_.empty()) sampleLight(path, surface, bsdf, coneVertex);
   if (!bsdf.onlyDelta() && path.caustics != nullptr) {
     path.add(path.throughput * path.caustics->radiance(surface, bsdf), path.scattered == 0);
@@ -282,7 +282,7 @@ float Integrator::emitterWeight(float density, const RayStart& left, const Light
   const LightConnection found = layers_.connect(left, way.direction(), end);
   constexpr float kSame = 4.0f * ClearPath::kStraight;
   if (!found.reaches() || glm::length(found.direction - way.direction()) > kSame) return 1.0f;
-  const auto distance = static_cast<float>(glm::length(surface.position - vertex.position));
+  const auto distance = static_cast<float>(glm::length(surface.position - vertex.position()));
   return powerHeuristic(density, sampled(distance) * way.spread() / (distance * distance));
 }
 
@@ -423,7 +423,7 @@ void Integrator::shadowCone(Path& path, const RayStart& start, const LightSample
 void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsdf,
                              bool coneVertex) const {
   LightSample light;
-  if (!lights_.sample(lightPoint(surface, bsdf), path.sampler, light)) return;
+  if (!lights_.sample(path.other(), path.sampler, light)) return;
   vec3 f = bsdf.evaluate(light.direction);
   if (maxComponent(f) <= 0.0f) return;
   RayStart start;
@@ -491,7 +491,7 @@ bool Integrator::scatter(Path& path, const Surface& surface, const Bsdf& bsdf,
   if (next.delta && next.transmitted && ClearLayers::clear(bsdf)) {
     passClear(path, bsdf, next.direction);
   } else {
-    path.vertex = lightPoint(surface, bsdf);
+    path.vertex = &path.other();
     path.clear = ClearPath();
     path.left = path.start;
     path.travelled = 0.0f;

@@ -2,10 +2,10 @@
 // bounding volume hierarchy of lights whose nodes know power, place and directions [Conty Estevez
 // and Kulla, Importance Sampling of Many Lights with Adaptive Tree Splitting, 2018].
 //
-// A choice first opens the nodes that the point is close to, which nothing can be said of as a
-// whole, and weighs all that are then left (a "cut", of at most kMostCut nodes). From the chosen
-// one it goes down to a leaf, weighing two children at a time: the cost is that of the cut plus
-// the logarithm of the number of lights.
+// Nodes have up to eight children, which are weighed at once. A choice first weighs those of the
+// root and opens the ones that the point is close to, which nothing can be said of as a whole; what
+// is then left is a "cut" of at most kMostCut nodes. From the chosen one it goes down to a leaf:
+// the cost grows with the logarithm of the number of lights.
 //
 // Immutable after building, so thread safe. Built with oneTBB; the same for any number of threads.
 #pragma once
@@ -15,17 +15,9 @@
 #include <vector>
 
 #include "src/core/maths.h"
+#include "src/crays/light_tree_weigh.h"
 
 namespace trex {
-
-/// Where light arrives. `normal`: unit, of a surface that scatters light of its side alone; zero if
-/// light of all directions counts (media, glass).
-struct LightPoint {
-  dvec3 position{0.0};
-  vec3 normal{0.0f};
-  LightPoint(const dvec3& p, const vec3& n = vec3(0.0f)) : position(p), normal(n) {}
-  LightPoint(const vec3& p, const vec3& n = vec3(0.0f)) : position(p), normal(n) {}
-};
 
 /// A light as the tree sees it: sends `power` times the cosine of what it exceeds the cone of
 /// half angle `spread` around `axis` by, up to `reach` beyond the cone.
@@ -45,7 +37,7 @@ struct LightBounds {
 class LightTree {
  public:
   static constexpr std::uint32_t kNoLight = 0xffffffffu;
-  static constexpr int kMostCut = 32;
+  static constexpr int kMostCut = 64;
 
   LightTree() = default;
   /// Numbers of lights are those of the span. Boxes should fit the unit sphere and powers (0, 1],
@@ -59,14 +51,16 @@ class LightTree {
   struct Cut {
     vec3 position, normal;
     int count = 0;
-    std::uint32_t nodes[kMostCut];
+    std::uint32_t nodes[kMostCut];  ///< LightNodes::kLanes * index + lane
     float weights[kMostCut];
     float sum = 0.0f;  ///< about the irradiance of all lights, by luminance; 0 if none shines there
   };
   /// `position` in the space of the lights' boxes.
   void cut(const vec3& position, const vec3& normal, Cut& out) const;
   /// Whether all lights share a leaf; cutAlone() is the cut then wherever nothing else is weighed.
-  bool single() const { return !nodes_.empty() && isLeaf(nodes_.front()); }
+  bool single() const {
+    return !nodes_.empty() && nodes_.front().children == 1 && nodes_.front().child[0] == 0;
+  }
   void cutAlone(Cut& out) const;
 
   /// A light of a leaf, chosen by `u` in [0, 1): its leaf's chance, and u made uniform again.
@@ -84,24 +78,10 @@ class LightTree {
   float chance(const Cut& cut, std::uint32_t light) const;
 
  private:
-  /// Lights [first, first + count) of the order; the left child is the next node. A cache line
-  /// each: that they are not there yet is half of what a choice among thousands costs.
-  struct alignas(64) Node {
-    vec3 centre;
-    float radius;  ///< of the sphere around the box
-    vec3 axis;
-    float power;
-    float cosSpread, sinSpread, cosReach;
-    std::uint32_t right;  ///< 0: a leaf
-    std::uint32_t first, count;
-    bool bothSides;
-  };
   struct Builder;
 
-  static float weigh(const Node& node, const vec3& position, const vec3& normal);
-  bool isLeaf(const Node& node) const { return node.right == 0; }
-
-  std::vector<Node> nodes_;
+  WeighLights weigh_ = chooseWeighLights();
+  std::vector<LightNodes> nodes_;
   std::vector<std::uint32_t> order_;  ///< numbers of lights in the order of leaves
   std::vector<std::uint32_t> place_;  ///< inverse of order_
   std::vector<float> shares_;         ///< of its leaf's power, by place

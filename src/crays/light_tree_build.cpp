@@ -1,5 +1,5 @@
-// Building a light tree: from the root down, by the surface area orientation heuristic of Conty
-// Estevez and Kulla on bins.
+// Building a light tree: from the root down in halves, by the surface area orientation heuristic of
+// Conty Estevez and Kulla on bins; then nodes of eight take the place of those of two.
 #include <tbb/parallel_invoke.h>
 
 #include <algorithm>
@@ -108,14 +108,25 @@ struct Split {
 }  // namespace
 
 struct LightTree::Builder {
+  /// Lights [first, first + count) of the order; the left child is the next node.
+  struct Node {
+    vec3 centre{0.0f};
+    float radius = 0.0f;  ///< of the sphere around the box
+    Directions directions;
+    float power = 0.0f;
+    std::uint32_t right = 0;  ///< 0: a leaf
+    std::uint32_t first = 0, count = 0;
+  };
   std::span<const LightBounds> lights;
   LightTree& tree;
+  std::vector<Node> nodes;
 
   Split bestSplit(std::uint32_t first, std::uint32_t count, const Box3f& centres) const;
   bool shareLeaf(std::uint32_t first, std::uint32_t count) const;
   std::uint32_t divide(std::uint32_t first, std::uint32_t count) const;
-  Directions build(std::uint32_t index, std::uint32_t first, std::uint32_t count) const;
-  void describe(Node& node, std::uint32_t first, std::uint32_t count, const Directions& d) const;
+  Directions build(std::uint32_t index, std::uint32_t first, std::uint32_t count);
+  void widen(std::uint32_t root, std::uint32_t into) const;
+  static void describe(const Node& node, LightNodes& out, std::uint32_t lane);
   const LightBounds& at(std::uint32_t place) const { return lights[tree.order_[place]]; }
 };
 
@@ -190,21 +201,10 @@ std::uint32_t LightTree::Builder::divide(std::uint32_t first, std::uint32_t coun
   return count / 2;
 }
 
-void LightTree::Builder::describe(Node& node, std::uint32_t first, std::uint32_t count,
-                                  const Directions& d) const {
-  node.axis = d.axis;
-  node.cosSpread = d.spread >= kPi ? -1.0f : std::cos(d.spread);
-  node.sinSpread = d.spread >= kPi ? 0.0f : std::sin(d.spread);
-  node.cosReach = std::cos(d.reach);
-  node.bothSides = d.bothSides;
-  node.first = first;
-  node.count = count;
-}
-
 /// Nodes of n lights take up to 2n - 1 places from `index` on.
 Directions LightTree::Builder::build(std::uint32_t index, std::uint32_t first,
-                                     std::uint32_t count) const {
-  Node& node = tree.nodes_[index];
+                                     std::uint32_t count) {
+  Node& node = nodes[index];
   Box3f box;
   double power = 0.0;
   for (std::uint32_t i = first; i < first + count; ++i) {
@@ -235,19 +235,67 @@ Directions LightTree::Builder::build(std::uint32_t index, std::uint32_t first,
     }
     directions = joined(a, b);
   }
-  describe(node, first, count, directions);
+  node.directions = directions;
+  node.first = first;
+  node.count = count;
   return directions;
+}
+
+void LightTree::Builder::describe(const Node& node, LightNodes& out, std::uint32_t lane) {
+  const Directions& d = node.directions;
+  out.x[lane] = node.centre.x, out.y[lane] = node.centre.y, out.z[lane] = node.centre.z;
+  out.radius[lane] = node.radius;
+  out.axisX[lane] = d.axis.x, out.axisY[lane] = d.axis.y, out.axisZ[lane] = d.axis.z;
+  out.power[lane] = node.power;
+  out.cosSpread[lane] = d.spread >= kPi ? -1.0f : std::cos(d.spread);
+  out.sinSpread[lane] = d.spread >= kPi ? 0.0f : std::sin(d.spread);
+  out.cosReach[lane] = std::cos(d.reach);
+  out.bothSides[lane] = d.bothSides ? 1.0f : 0.0f;
+  out.first[lane] = node.first;
+  out.count[lane] = node.count;
+}
+
+/// Puts up to eight nodes under `root` into a wide node: what is opened first matters most, bright
+/// and large. Then does the same for each.
+void LightTree::Builder::widen(std::uint32_t root, std::uint32_t into) const {
+  std::uint32_t children[LightNodes::kLanes] = {root};
+  std::uint32_t count = 1;
+  while (count < LightNodes::kLanes) {
+    std::uint32_t* largest = nullptr;
+    float most = -1.0f;
+    for (std::uint32_t i = 0; i < count; ++i) {
+      const Node& node = nodes[children[i]];
+      const float size = node.power * node.radius * node.radius;
+      if (node.right != 0 && size > most) largest = children + i, most = size;
+    }
+    if (largest == nullptr) break;
+    children[count++] = nodes[*largest].right;
+    ++*largest;
+  }
+  tree.nodes_[into].children = count;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const Node& node = nodes[children[i]];
+    describe(node, tree.nodes_[into], i);
+    if (node.right == 0) continue;
+    const auto next = static_cast<std::uint32_t>(tree.nodes_.size());
+    tree.nodes_.emplace_back();
+    tree.nodes_[into].child[i] = next;
+    widen(children[i], next);
+  }
 }
 
 LightTree::LightTree(std::span<const LightBounds> lights) {
   if (lights.empty()) return;
   const auto count = static_cast<std::uint32_t>(lights.size());
-  nodes_.resize(2 * lights.size() - 1);
   order_.resize(lights.size());
   shares_.resize(lights.size());
   place_.resize(lights.size());
   std::iota(order_.begin(), order_.end(), 0u);
-  Builder{lights, *this}.build(0, 0, count);
+  Builder builder{lights, *this, std::vector<Builder::Node>(2 * lights.size() - 1)};
+  builder.build(0, 0, count);
+  nodes_.emplace_back();
+  builder.widen(0, 0);
+  nodes_.shrink_to_fit();
   for (std::uint32_t i = 0; i < count; ++i) place_[order_[i]] = i;
 }
 

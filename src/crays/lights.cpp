@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "src/crays/lights_detail.h"
 
@@ -156,12 +157,15 @@ std::size_t LightSet::pick(const std::vector<double>& cumulative, double u, doub
   return index;
 }
 
-void LightSet::cutAt(const LightPoint& at, LightTree::Cut& out) const {
-  if (mapWeight_ > 0.0f || !tree_.single()) {
-    tree_.cut(toTree(at.position), at.normal, out);
-  } else {
-    tree_.cutAlone(out);
+const LightTree::Cut& LightSet::cutAt(const LightPoint& at) const {
+  if (!std::exchange(at.weighed_, true)) {
+    if (mapWeight_ > 0.0f || !tree_.single()) {
+      tree_.cut(toTree(at.position_), at.normal_, at.cut_);
+    } else {
+      tree_.cutAlone(at.cut_);
+    }
   }
+  return at.cut_;
 }
 
 /// Chance that the map is chosen, where the rest is as bright as the cut says.
@@ -172,8 +176,7 @@ float LightSet::mapShare(const LightTree::Cut& cut) const {
 bool LightSet::sample(const LightPoint& at, Sampler& sampler, LightSample& out) const {
   double choice = many_ ? longNumber(sampler.next2D()) : static_cast<double>(sampler.next1D());
   const vec2 u = sampler.next2D();
-  LightTree::Cut cut;
-  cutAt(at, cut);
+  const LightTree::Cut& cut = cutAt(at);
   const auto ofMap = static_cast<double>(mapShare(cut));
   bool found = false;
   if (choice < ofMap) {
@@ -211,7 +214,7 @@ bool LightSet::sampleTriangle(const Emitters::Triangle& t, const LightPoint& at,
                               LightSample& out) const {
   const Emitters::Place place = emitters_.sample(t, u, v);
   out.target = place.position;
-  const vec3 towards(out.target - at.position);
+  const vec3 towards(out.target - at.position_);
   const float distance2 = glm::dot(towards, towards);
   if (!(distance2 > 0.0f)) return false;
   out.distance = std::sqrt(distance2);
@@ -241,7 +244,7 @@ bool LightSet::samplePunctual(const Punctual& punctual, const LightPoint& at, ve
   }
   out.target = punctual.position;
   if (light.radius > 0.0f) out.target += dvec3(light.radius * uniformSphere(u));
-  const vec3 towards(out.target - at.position);
+  const vec3 towards(out.target - at.position_);
   const float distance2 = glm::dot(towards, towards);
   if (!(distance2 > 0.0f)) return false;
   out.distance = std::sqrt(distance2);
@@ -256,8 +259,7 @@ float LightSet::pdfEmitter(const LightPoint& at, const RayHit& hit, float distan
   if (!(cosine > 0.0f) || tree_.empty()) return 0.0f;
   const std::uint32_t number = emitters_.find(hit);
   if (number == Emitters::kNotFound) return 0.0f;
-  LightTree::Cut cut;
-  cutAt(at, cut);
+  const LightTree::Cut& cut = cutAt(at);
   const float chance = tree_.chance(cut, number) * (1.0f - mapShare(cut));
   const float density = emitters_.density(emitters_.triangles()[number], static_cast<float>(hit.u),
                                           static_cast<float>(hit.v));
@@ -266,9 +268,7 @@ float LightSet::pdfEmitter(const LightPoint& at, const RayHit& hit, float distan
 
 float LightSet::pdfEnvironment(const LightPoint& at, const vec3& direction) const {
   if (!(mapWeight_ > 0.0f)) return 0.0f;
-  LightTree::Cut cut;
-  cutAt(at, cut);
-  return mapShare(cut) * mapDensity(direction);
+  return mapShare(cutAt(at)) * mapDensity(direction);
 }
 
 }  // namespace trex

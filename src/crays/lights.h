@@ -25,6 +25,32 @@
 
 namespace trex {
 
+/// Where light arrives. Remembers what the lights weigh there once a LightSet has been asked, so
+/// each thread has its own, and one serves one LightSet.
+class LightPoint {
+ public:
+  /// `normal`: unit, of a surface that scatters light of its side alone; zero if light of all
+  /// directions counts (media, glass).
+  LightPoint(const dvec3& position, const vec3& normal = vec3(0.0f))
+      : position_(position), normal_(normal) {}
+  LightPoint(const vec3& position, const vec3& normal = vec3(0.0f))
+      : LightPoint(dvec3(position), normal) {}
+  const dvec3& position() const { return position_; }
+  /// `normal` as above.
+  void moveTo(const dvec3& position, const vec3& normal) {
+    position_ = position;
+    normal_ = normal;
+    weighed_ = false;
+  }
+
+ private:
+  friend class LightSet;
+  dvec3 position_;
+  vec3 normal_;
+  mutable bool weighed_ = false;
+  mutable LightTree::Cut cut_;
+};
+
 /// A direction towards a light from a point. radiance/pdf is what arrives if nothing is between;
 /// for point-like lights (`delta`) pdf is the chance of choosing the light and radiance is an
 /// irradiance at normal incidence.
@@ -133,7 +159,7 @@ class LightSet {
   double emitterPower(const Emitters::Triangle& triangle) const;
   vec3 toMap(const vec3& direction) const;
   vec3 fromMap(const vec3& direction) const;
-  void cutAt(const LightPoint& at, LightTree::Cut& out) const;
+  const LightTree::Cut& cutAt(const LightPoint& at) const;
   float mapShare(const LightTree::Cut& cut) const;
   float mapDensity(const vec3& direction) const;
   static std::size_t pick(const std::vector<double>& cumulative, double u, double& rest);

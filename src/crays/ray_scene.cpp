@@ -62,6 +62,7 @@ struct TraceContext {
   hccm::PreparedRay prepared;
   RayHit best;
   const std::uint8_t* hidden;  // by object; null if every object is seen
+  hccm::Passages* passages = nullptr;
   const Placement* placements;
   const Placement* world;
   hccm::PagedMesh::Pin pin;   // the page that was visited last
@@ -96,6 +97,7 @@ struct TraceContext {
       if (query.start.instance != instance) local.fromCluster = hccm::Hit::kNothing;
       prepared = mesh.prepare(local);
       if (placement.object == kNone) prepared.hidden = hidden;
+      prepared.passages = passages;
       preparedFor = instance;
       isPrepared = true;
       far = ray.tfar;
@@ -457,15 +459,20 @@ bool RayScene::intersect(const RayStart& start, const vec3& direction, float tne
 }
 
 bool RayScene::occluded(const RayStart& start, const vec3& direction, float tnear,
-                        const RayEnd& end) const {
+                        const RayEnd& end, hccm::Passages* passages) const {
   RayStart near = start;
   float tfar = end.distance;
   double shift;
   if (!impl_->visibility.clip(start.position, direction, tnear, tfar)) return false;
   if (!impl_->approach.bring(near.position, direction, tnear, tfar, shift)) return false;
   const Query query{near, direction, end};
-  if (impl_->worldAlone()) return impl_->parts.world.occluded(impl_->worldRay(query, tnear, tfar));
+  if (impl_->worldAlone()) {
+    hccm::PreparedRay ray = impl_->worldRay(query, tnear, tfar);
+    ray.passages = passages;
+    return impl_->parts.world.occluded(ray);
+  }
   TraceContext context(query, impl_->visibility, impl_->placements, impl_->worldPlacement);
+  context.passages = passages;
   RTCRay ray;
   setRay(ray, vec3(near.position), direction, tnear, tfar);
   rtcOccluded1(impl_->top.scene, &context.embree, &ray);

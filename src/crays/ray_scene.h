@@ -144,8 +144,10 @@ class RayScene {
   /// This and the next two throw Error(kInput) if a page of a paged mesh can't be read.
   bool intersect(const RayStart& start, const vec3& direction, float tnear, const RayEnd& end,
                  RayHit& hit) const;
-  /// Whether anything lies in [tnear, end]. Thread safe.
-  bool occluded(const RayStart& start, const vec3& direction, float tnear, const RayEnd& end) const;
+  /// Whether anything lies in [tnear, end]. `passages`, by material of the scene, says what counts;
+  /// null: everything. Thread safe.
+  bool occluded(const RayStart& start, const vec3& direction, float tnear, const RayEnd& end,
+                hccm::Passages* passages = nullptr) const;
   /// Decodes a hit. Thread safe.
   Surface surface(const RayHit& hit) const;
   /// Where a ray along `direction` starts that was scattered at a surface and leaves it on its

@@ -61,25 +61,35 @@ struct Measured {
   double cell = 0.0;  // metres: the largest cell that it may have
 };
 
-// A cell may be 2^-11 of a part's size, and 2^-5 of its thickness, unless that is so little that it
-// is meant to be none. And it may be 2^-14 m, a millimetre's 16th: what lies on another thing, a
-// marking on a road, is told from it; or 2^-14 of the part's width if that is more.
+// A cell may be 2^-9 of a part's size, and 2^-5 of its thickness, unless that is so little that it
+// is meant to be none: 2^-20 of the size, or the rounding of coordinates. And it may be 2^-14 m, a
+// millimetre's 16th: what lies on another thing, a marking on a road, is told from it; or 2^-14 of
+// the part's width if that is more.
 Measured measure(const hccm::Part& part) {
   Measured m;
+  dvec3 farthest(0.0);
   for (const glm::uvec3& t : part.triangles)
-    for (int k = 0; k < 3; ++k)
-      m.box.extend(dvec3(part.transform * glm::dvec4(dvec3(part.positions[t[k]]), 1.0)));
+    for (int k = 0; k < 3; ++k) {
+      const dvec3 p(part.positions[t[k]]);
+      m.box.extend(dvec3(part.transform * glm::dvec4(p, 1.0)));
+      farthest = glm::max(farthest, glm::abs(p));
+    }
   if (m.box.empty()) return m;
   const dvec3 size = m.box.size();
   const double largest = std::max({size.x, size.y, size.z});
+  const auto rounding = [&](int k) {  // of two coordinates in single precision
+    double sum = 0.0;
+    for (int axis = 0; axis < 3; ++axis) sum += std::abs(part.transform[axis][k]) * farthest[axis];
+    return std::max(0x1p-20 * largest, 0x1p-23 * sum);
+  };
   double least = largest;
   for (int k = 0; k < 3; ++k) {
-    if (size[k] <= 0x1p-20 * largest)
+    if (size[k] <= rounding(k))
       m.flat = k;
     else
       least = std::min(least, size[k]);
   }
-  m.cell = std::min({0x1p-11 * largest, 0x1p-5 * least, std::max(0x1p-14, 0x1p-14 * least)});
+  m.cell = std::min({0x1p-9 * largest, 0x1p-5 * least, std::max(0x1p-14, 0x1p-14 * least)});
   return m;
 }
 

@@ -8,6 +8,8 @@ namespace {
 
 // Unit, or zero where the length is zero or not a number.
 dvec3 unitOrZero(const dvec3& v) {
+  const double length2 = glm::dot(v, v);
+  if (length2 > 1e-200 && length2 < 1e200) return v * (1.0 / std::sqrt(length2));
   const double largest = std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)});
   if (!(largest > 0.0) || !std::isfinite(largest)) return dvec3(0.0);
   return glm::normalize(v / largest);

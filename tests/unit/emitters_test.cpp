@@ -274,7 +274,7 @@ TEST(Emitters, APicturesSparksAreFound) {
       sum += e / kCount;
       squares += e * e / kCount;
       RayHit hit;
-      ASSERT_TRUE(rays.intersect(vec3(at.position), s.direction, 1e-3f, kInfinity, hit));
+      ASSERT_TRUE(rays.intersect(vec3(at.position()), s.direction, 1e-3f, kInfinity, hit));
       const float pdf = lights.pdfEmitter(at, hit, hit.t, s.direction.y);
       mismatches += std::abs(pdf / s.pdf - 1.0f) > 1e-3f;
     }
