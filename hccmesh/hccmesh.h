@@ -116,6 +116,8 @@ struct Ray {
   float tfar;
   /// The triangle that the ray leaves, if it is one of this mesh; it is not met.
   std::uint32_t fromCluster = Hit::kNothing, fromTriangle = Hit::kNothing;
+  /// Likewise the one that it ends on.
+  std::uint32_t toCluster = Hit::kNothing, toTriangle = Hit::kNothing;
   /// Mesh units; how far the origin may be off a surface that it is meant to be on. A triangle
   /// whose plane is that close to the origin is not met. Negative: the origin is on no surface.
   double slack = -1.0;
@@ -161,7 +163,7 @@ struct alignas(16) PreparedRay {
   double shift;                ///< t that origin was moved forward by, in those units
   glm::dvec3 exactOrigin, direction, target;
   double slack, targetSlack;  ///< negative: no surface there
-  std::uint32_t fromCluster, fromTriangle;
+  std::uint32_t fromCluster, fromTriangle, toCluster, toTriangle;
   /// By object number, not 0: its clusters are not there for this ray. Null: all are.
   const std::uint8_t* hidden = nullptr;
   /// For occluded() alone; null: everything blocks. Not owned.
@@ -255,6 +257,7 @@ class Mesh {
   std::span<const std::byte> bytes_;
   std::shared_ptr<const void> owner_;     ///< of bytes_
   const std::uint32_t* table_ = nullptr;  ///< inside bytes_
+  float step_ = 1.0f, cells_ = 1.0f;      ///< metres a cell, cells a metre
   TopLevel top_;
   IntersectFunction intersect_ = nullptr;  ///< chosen for this processor when the mesh is made
   OccludedFunction occluded_ = nullptr;

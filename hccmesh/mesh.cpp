@@ -69,6 +69,8 @@ Mesh::Mesh(Bytes bytes) {
 Mesh::Mesh(std::span<const std::byte> bytes, std::shared_ptr<const void> owner)
     : bytes_(bytes), owner_(std::move(owner)) {
   table_ = reinterpret_cast<const std::uint32_t*>(bytes_.data() + sizeof(layout::Header));
+  step_ = stepOf(bytes_);
+  cells_ = 1.0f / step_;
   const Kernels kernels = chooseKernels();
   intersect_ = kernels.intersect;
   occluded_ = kernels.occluded;
@@ -217,12 +219,20 @@ void approach(const Ray& ray, PreparedRay& p) {
   Mesh::setFar(p, ray.tfar);
 }
 
+// Without branches: which axis it is can't be foreseen.
+int longestAxis(const float (&size)[3]) {
+  const bool xy = size[0] > size[1], xz = size[0] > size[2], yz = size[1] > size[2];
+  return 2 - 2 * (xy & xz) - (!xy & yz);
+}
+
 // What of a surface's distance may be rounding of corners as seen from the ray: cells.
 constexpr double kRounding = 0x1p-25, kLeastSlack = 0x1p-12;
 
 void setSurfaces(const Ray& ray, PreparedRay& p) {
   p.fromCluster = ray.fromCluster;
   p.fromTriangle = ray.fromTriangle;
+  p.toCluster = ray.toCluster;
+  p.toTriangle = ray.toTriangle;
   p.slack = ray.slack >= 0.0 ? ray.slack * double(p.cells) + kRounding : -1.0;
   // What has a plane within the slack of the start, but is met further away than single precision
   // may be wrong, would have to be seen more edge-on than that slack allows.
@@ -239,22 +249,24 @@ void setSurfaces(const Ray& ray, PreparedRay& p) {
 
 PreparedRay Mesh::prepare(const Ray& ray) const {
   PreparedRay p;
-  p.step = stepOf(bytes_);
-  p.cells = 1.0f / p.step;
-  const glm::vec3 size = glm::abs(ray.direction);
-  int kz = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
+  p.step = step_;
+  p.cells = cells_;
+  const float d[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
+  const float size[3] = {std::abs(d[0]), std::abs(d[1]), std::abs(d[2])};
+  const int kz = longestAxis(size);
   const float largest = p.depth = size[kz];
-  int kx = kz == 2 ? 0 : kz + 1, ky = kx == 2 ? 0 : kx + 1;
-  if (ray.direction[kz] < 0.0f) std::swap(kx, ky);  // keeps the winding
+  // With the direction's sign they keep the winding.
+  constexpr std::int8_t kAcross[2][3] = {{1, 2, 0}, {2, 0, 1}};
+  const bool down = d[kz] < 0.0f;
+  const int kx = kAcross[down][kz], ky = kAcross[!down][kz];
   p.axis[0] = kx, p.axis[1] = ky, p.axis[2] = kz;
-  p.shear[0] = ray.direction[kx] / ray.direction[kz];
-  p.shear[1] = ray.direction[ky] / ray.direction[kz];
-  p.shear[2] = 1.0f / ray.direction[kz];
+  p.shear[0] = d[kx] / d[kz];
+  p.shear[1] = d[ky] / d[kz];
+  p.shear[2] = 1.0f / d[kz];
   // A component this much smaller than the largest moves the ray by less than a cell.
   const float least = largest * 0x1p-60f;
   for (int k = 0; k < 3; ++k) {
-    p.inverse[k] =
-        1.0f / (size[k] >= least ? ray.direction[k] : std::copysign(least, ray.direction[k]));
+    p.inverse[k] = 1.0f / (size[k] >= least ? d[k] : std::copysign(least, d[k]));
     p.nearPlane[k] = 2u * static_cast<std::uint32_t>(k) + (p.inverse[k] < 0.0f ? 1u : 0u);
   }
   p.inverse[3] = p.origin[3] = 0.0f;
@@ -275,7 +287,7 @@ PreparedRay Mesh::prepare(const Ray& ray) const {
     p.origin[k] = static_cast<float>(p.exactOrigin[k] - whole);
   }
   setSurfaces(ray, p);
-  if (!(largest >= 0x1p-60f) || !std::isfinite(size.x + size.y + size.z)) {
+  if (!(largest >= 0x1p-60f) || !std::isfinite(size[0] + size[1] + size[2])) {
     p.tnear = std::numeric_limits<float>::infinity();  // an empty interval
     p.tfar = -p.tnear;
     for (int k = 0; k < 3; ++k) p.shear[k] = p.inverse[k] = 1.0f, p.nearPlane[k] = 2u * unsigned(k);

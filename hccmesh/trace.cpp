@@ -58,9 +58,11 @@ inline bool Candidate::meets(const layout::ClusterHeader& h, const std::byte* ve
   }
   if (determinant == 0.0) return false;  // along its plane
   // [Moeller and Trumbore 1997]
-  t = height / determinant;
-  u = glm::dot(a, glm::cross(ray.direction, e2)) / determinant;
-  v = glm::dot(ray.direction, glm::cross(a, e1)) / determinant;
+  const double inverse = 1.0 / determinant;
+  const glm::dvec3 moment = glm::cross(a, ray.direction);
+  t = height * inverse;
+  u = glm::dot(moment, e2) * inverse;
+  v = -glm::dot(moment, e1) * inverse;
   // Single precision has let it through at an edge. A point on the edge itself would be as close to
   // the plane of the neighbour as a point can be, so it moves inside by a millionth, but no more
   // than a thousandth of a cell.
@@ -387,7 +389,7 @@ struct Leaf {
   const std::byte* vertices;
   const LeafCode* code;
   std::uint32_t number, cluster;
-  std::uint32_t from;  ///< place of the triangle that the ray leaves; beyond all if none of these
+  std::uint32_t ends;  ///< a bit for each that the ray leaves or ends on
 };
 
 // Takes the nearest of the accepted lanes into hit; on equal t the lower (cluster, triangle).
@@ -459,9 +461,9 @@ HWY_INLINE bool testTriangles(const Leaf& leaf, const Vertex& a, const Vertex& b
              hn::Sub(hn::Mul(b.x, a.y), hn::Mul(b.y, a.x))};
   const VF zero = hn::Zero(df);
   MF active = hn::FirstN(df, count);
-  if (leaf.from - first < kLanes) {  // not the triangle that the ray leaves
-    active = hn::AndNot(
-        hn::Eq(hn::Iota(df, 0.0f), hn::Set(df, static_cast<float>(leaf.from - first))), active);
+  if (HWY_UNLIKELY(leaf.ends != 0)) {
+    const std::uint8_t ends[8] = {static_cast<std::uint8_t>(leaf.ends >> first)};
+    active = hn::AndNot(hn::LoadMaskBits(df, ends), active);
   }
   const auto inside = [&] {
     const VF least = hn::Min(hn::Min(e.u, e.v), e.w), most = hn::Max(hn::Max(e.u, e.v), e.w);
@@ -486,11 +488,13 @@ HWY_INLINE bool testLeaf(const Cluster& c, const layout::ClusterHeader& h,
                          PreparedRay& ray, Hit& hit) {
   const LeafCode code = decodeLeaf(record);
   const LocalVertices vertices(c, code, ray);
-  const std::uint32_t from =
-      ray.fromCluster == cluster && ray.fromTriangle / layout::kLeafSize == number
-          ? ray.fromTriangle % layout::kLeafSize
-          : Hit::kNothing;
-  const Leaf leaf{&h, reinterpret_cast<const std::byte*>(c.vertices), &code, number, cluster, from};
+  const auto bitOf = [&](std::uint32_t ofCluster, std::uint32_t triangle) {
+    const bool here = ofCluster == cluster && triangle / layout::kLeafSize == number;
+    return here ? 1u << triangle % layout::kLeafSize : 0u;
+  };
+  const std::uint32_t ends =
+      bitOf(ray.fromCluster, ray.fromTriangle) | bitOf(ray.toCluster, ray.toTriangle);
+  const Leaf leaf{&h, reinterpret_cast<const std::byte*>(c.vertices), &code, number, cluster, ends};
   bool found = false;
   for (std::uint32_t first = 0; first < code.triangles && !(kAny && found); first += kLanes)
     found |= testTriangles<kAny>(

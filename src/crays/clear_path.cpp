@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
+#include "src/crays/ray_scene_parts.h"
 #include "src/scene/look.h"
 
 namespace trex {
@@ -14,6 +16,40 @@ constexpr float kLeastPassed = 1e-4f;     // less counts as nothing
 /// less than the pane's thickness, and nearly as much for the next aim.
 constexpr int kMostAims = 5;
 constexpr float kMiss = 1e-4f;  // of the distance, at the light
+
+/// Boxes that the refracting clusters of a scene are gathered in: 2^3.
+constexpr int kBoxHalvings = 3;
+
+Box3f moved(const Box3f& box, const dmat4& matrix) {
+  Box3f out;
+  for (int corner = 0; corner < 8; ++corner) {
+    const dvec3 p((corner & 1) ? box.upper.x : box.lower.x,
+                  (corner & 2) ? box.upper.y : box.lower.y,
+                  (corner & 4) ? box.upper.z : box.lower.z);
+    out.extend(vec3(matrix * glm::dvec4(p, 1.0)));
+  }
+  const vec3 margin = 0x1p-20f * (glm::abs(out.lower) + glm::abs(out.upper));  // of this rounding
+  return {out.lower - margin, out.upper + margin};
+}
+
+/// Boxes of halves of halves, by place.
+void gather(std::span<Box3f> boxes, int halvings, std::vector<Box3f>& out) {
+  if (boxes.empty()) return;
+  Box3f all, centres;
+  for (const Box3f& b : boxes) all.extend(b), centres.extend(b.centre());
+  if (halvings == 0 || boxes.size() == 1) {
+    out.push_back(all);
+    return;
+  }
+  const vec3 size = centres.size();
+  const int axis = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
+  const auto middle = boxes.begin() + static_cast<std::ptrdiff_t>(boxes.size() / 2);
+  std::nth_element(boxes.begin(), middle, boxes.end(), [&](const Box3f& a, const Box3f& b) {
+    return a.centre()[axis] < b.centre()[axis];
+  });
+  gather({boxes.begin(), middle}, halvings - 1, out);
+  gather({middle, boxes.end()}, halvings - 1, out);
+}
 
 }  // namespace
 
@@ -60,6 +96,40 @@ ClearLayers::ClearLayers(const Scene& scene, const RayScene& rays) : scene_(scen
     anyGlass_ |= glass;
     anyBends_ |= bends;
   }
+  if (anyBends_) findBends();
+}
+
+void ClearLayers::findBends() {
+  std::vector<Box3f> found;
+  const auto add = [&](const hccm::Mesh& mesh, const dmat4& toRender) {
+    for (std::uint32_t c = 0; c < mesh.clusterCount(); ++c) {
+      if (bends_[mesh.clusterMaterial(c)] == hccm::Passage::kAbsent) continue;
+      Box3f cluster;
+      mesh.clusterBounds(c, cluster.lower, cluster.upper);
+      found.push_back(moved(cluster, toRender));
+    }
+  };
+  const RayScene::Parts& parts = rays_.parts();
+  if (parts.paged) found.push_back(rays_.bounds());
+  add(parts.world, dmat4(1.0));
+  for (const RayScene::Parts::Placed& p : parts.placed) {
+    add(parts.shared[p.mesh], placeOf(scene_, parts, p).toRender);
+  }
+  gather(found, kBoxHalvings, bendBoxes_);
+}
+
+/// Whether anything that refracts may lie between.
+bool ClearLayers::meetsBends(const RayStart& start, const vec3& direction,
+                             const RayEnd& end) const {
+  const vec3 origin(start.position), inverse = 1.0f / direction;
+  const bool near = std::any_of(bendBoxes_.begin(), bendBoxes_.end(), [&](const Box3f& box) {
+    const vec3 a = (box.lower - origin) * inverse, b = (box.upper - origin) * inverse;
+    const float enters = maxComponent(glm::min(a, b));
+    const float leaves = -maxComponent(-glm::max(a, b));
+    return !(enters > leaves || leaves < 0.0f || enters > end.distance);  // true if not a number
+  });
+  hccm::Passages bends{bends_.data()};
+  return near && rays_.occluded(start, direction, 0.0f, end, &bends);
 }
 
 bool ClearLayers::pass(const Surface& surface, const Bsdf& bsdf, ClearWalk& walk) const {
@@ -109,11 +179,11 @@ LightConnection ClearLayers::connect(const RayStart& start, const vec3& directio
                                      const RayEnd& end, const vec3& absorption) const {
   // Most rays meet nothing clear: whether they are blocked is all that there is to know.
   const vec3 towards = end.point ? vec3(glm::normalize(*end.point - start.position)) : direction;
-  hccm::Passages seen{passages_.data()}, bends{bends_.data()};
+  hccm::Passages seen{passages_.data()};
   const bool blocked = rays_.occluded(start, towards, 0.0f, end, any_ ? &seen : nullptr);
   if (!blocked && seen.met) return aim(start, direction, end, absorption);
   // What blocks the straight line need not block the one that glass bends.
-  if (blocked && anyBends_ && rays_.occluded(start, towards, 0.0f, end, &bends)) {
+  if (blocked && anyBends_ && meetsBends(start, towards, end)) {
     return aim(start, direction, end, absorption);
   }
   LightConnection out;

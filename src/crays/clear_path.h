@@ -100,6 +100,8 @@ class ClearLayers {
   bool pass(const Surface& surface, const Bsdf& bsdf, ClearWalk& walk) const;
 
  private:
+  void findBends();
+  bool meetsBends(const RayStart& start, const vec3& direction, const RayEnd& end) const;
   LightConnection aim(const RayStart& start, const vec3& direction, const RayEnd& end,
                       const vec3& absorption) const;
 
@@ -108,6 +110,7 @@ class ClearLayers {
   std::vector<std::uint8_t> glass_;  ///< by material; of passages_ those that are glass
   std::vector<hccm::Passage> passages_;
   std::vector<hccm::Passage> bends_;  ///< by material: what refracts blocks, all else is absent
+  std::vector<Box3f> bendBoxes_;      ///< render space; of all that refracts
   bool any_ = false, anyGlass_ = false, anyBends_ = false;
 };
 

@@ -226,6 +226,7 @@ bool LightSet::sampleTriangle(const Emitters::Triangle& t, const LightPoint& at,
   out.solidAngle = std::min(emitters_.lampArea(t) * cosine / distance2, 2.0f * kPi);
   out.radiance = place.radiance;
   out.normal = t.normal;
+  out.emitter = {t.instance, t.cluster, t.triangle};
   out.delta = false;
   return visibility_.keeps(out.target);
 }

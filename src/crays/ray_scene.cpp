@@ -94,7 +94,8 @@ struct TraceContext {
       const Placement& placement = instance == RayScene::kWorldMesh ? *world : placements[instance];
       hccm::Ray local = placement.rayToMesh(query.start, query.direction, ray.tnear, ray.tfar,
                                             query.end, mesh.step());
-      if (query.start.instance != instance) local.fromCluster = hccm::Hit::kNothing;
+      if (query.start.from.instance != instance) local.fromCluster = hccm::Hit::kNothing;
+      if (query.end.on.instance != instance) local.toCluster = hccm::Hit::kNothing;
       prepared = mesh.prepare(local);
       if (placement.object == kNone) prepared.hidden = hidden;
       prepared.passages = passages;

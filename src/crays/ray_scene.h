@@ -35,17 +35,22 @@ struct RayHit {
   std::uint32_t instance = 0, cluster = 0, triangle = 0;
 };
 
+/// A triangle as hits name it; none by default.
+struct TriangleId {
+  std::uint32_t instance = 0, cluster = 0xffffffffu, triangle = 0xffffffffu;
+};
+
 /// Where a ray starts, in render space. A ray that leaves a surface starts on it: it meets neither
 /// the triangle that it leaves nor others in one plane with the start, so nothing is moved off.
 struct RayStart {
   enum class On : std::uint8_t {
     kNothing,  ///< a point in space: a camera, a point of a medium
-    kSurface,  ///< a point of a decoded triangle, which the numbers name as a RayHit does
+    kSurface,  ///< a point of a decoded triangle
     kSource,   ///< a point of a triangle as the scene has it, not rounded to the grid
   };
   dvec3 position{0.0};
   On on = On::kNothing;
-  std::uint32_t instance = 0, cluster = 0xffffffffu, triangle = 0xffffffffu;
+  TriangleId from;  ///< that triangle
 
   RayStart() = default;
   RayStart(const dvec3& point, On where = On::kNothing) : position(point), on(where) {}
@@ -59,8 +64,11 @@ struct RayEnd {
   /// own, are not met. `distance` is how far it is.
   std::optional<dvec3> point;
 
+  TriangleId on;  ///< the triangle that the point is on; it is not met
+
   RayEnd(float metres) : distance(metres) {}
-  RayEnd(float metres, const dvec3& on) : distance(metres), point(on) {}
+  RayEnd(float metres, const dvec3& place, const TriangleId& triangle = {})
+      : distance(metres), point(place), on(triangle) {}
 };
 
 /// A surface point decoded from a hit, in render space.
@@ -84,7 +92,7 @@ struct Surface {
   /// Where a ray starts that goes on through the surface.
   RayStart leave() const {
     RayStart start(position, RayStart::On::kSurface);
-    start.instance = instance, start.cluster = cluster, start.triangle = triangle;
+    start.from = {instance, cluster, triangle};
     return start;
   }
 };

@@ -103,8 +103,10 @@ hccm::Ray Placement::rayToMesh(const RayStart& start, const vec3& direction, flo
                 .tnear = tnear,
                 .direction = moved ? vec3(glm::dmat3(toMesh) * dvec3(direction)) : direction,
                 .tfar = tfar,
-                .fromCluster = start.cluster,
-                .fromTriangle = start.triangle};
+                .fromCluster = start.from.cluster,
+                .fromTriangle = start.from.triangle,
+                .toCluster = end.on.cluster,
+                .toTriangle = end.on.triangle};
   // What is rounded to the grid moves a plane by no more than a cell and a half.
   const double rounded = slack * (largestOf(start.position) + far);
   if (start.on == RayStart::On::kSurface) ray.slack = rounded;
