@@ -7,27 +7,21 @@
 #include <algorithm>
 #include <cassert>
 #include <new>
+#include <optional>
 #include <utility>
 
+#include "src/frame/denoise_fragments.h"
 #include "src/frame/denoise_kernels.h"
 
 namespace trex {
 namespace {
 
-constexpr float kPlaneTolerance = 1.0f;  // pixel widths off the surface's plane
 constexpr std::size_t kFilterPlanes = kGuidePlanes + 2 * kCellPlanes;
-constexpr float kLeastAlbedo = 0.02f;
+constexpr float kSurely = kNoiseTolerance * kNoiseTolerance;  // of variances
 constexpr float kDoubt = 4.0f;  // of variances: they are estimates, too small where light is rare
 
 // Pixels, margins included, that a thread does in about a millisecond with AVX2 at 3 GHz.
 constexpr std::size_t kBandPixels = 16384;
-
-vec3 getThree(const float* at, std::size_t stride) { return {at[0], at[stride], at[2 * stride]}; }
-void putThree(const vec3& v, float* at, std::size_t stride) {
-  at[0] = v.x;
-  at[stride] = v.y;
-  at[2 * stride] = v.z;
-}
 
 /// Row k of the order in which rows `step` apart follow each other: most of what a row reads was
 /// then read by the row before, and is in the cache still.
@@ -41,94 +35,146 @@ int rowInOrder(int k, int height, int step) {
 }  // namespace
 
 struct GuessFilter::Work {
+  Work(const FeatureImage& features, bool few);
   Work(const FeatureImage& features, const std::vector<vec3>& radiance,
-       const std::vector<vec3>& variance, const std::vector<vec3>* calm, bool correction);
+       const std::vector<vec3>& variance, bool correction);
 
   /// Rows from row_ on, of the pass under way.
   void band();
-  bool done() const { return pass_ == kPasses; }
+  bool done() const { return pass_ == passes_.size(); }
 
   std::vector<vec3> out;
 
  private:
-  enum Pass {
+  enum Kind {
     kPrepare,
+    kCalm,
     kSmooth,
+    kSpread,
+    kWeigh,
+    kReach,
     kGather,
-    kLose = kGather + FilterPlanes::kIterations,
-    kGiveBack,  // two passes a step
-    kFinish = kGiveBack + 2 * FilterPlanes::kIterations,
-    kPasses
+    kMix,
+    kSettle,
+    kLose,
+    kFlow,
+    kSettleFlow,
+    kShare,
+    kCollect,
+    kFinish
+  };
+  struct Pass {
+    Kind kind;
+    int step = 1;
+    bool swaps = false;  ///< what is written is read from then on
   };
 
-  int step() const {
-    if (pass_ >= kGather && pass_ < kLose) return 1 << (pass_ - kGather);
-    if (pass_ >= kGiveBack && pass_ < kFinish) return 1 << ((pass_ - kGiveBack) / 2);
-    return 1;
-  }
   std::size_t index(int y) const {
     return static_cast<std::size_t>(y) * static_cast<std::size_t>(planes_.width);
   }
-  void copyRow(const FeatureImage& features, const vec3* light, const vec3* variance, int y);
-  void copyLost(const vec3* radiance, int y);
+  void plan(bool few);
+  void planFlow();
+  void allocate(const FeatureImage& features);
+  void copyPixel(const FeaturePart& part, float share, const vec3& light, const vec3& variance,
+                 int x, int y);
   void clearMargins(int y);
   void prepareRow(int y);
+  void calmRow(int y);
   void loseRow(int y);
   void finishRow(int y);
-  void passRow(int y);
+  void passRow(const Pass& pass, int y);
 
   FilterPlanes planes_;
   hwy::AlignedFreeUniquePtr<float[]> memory_;
   FilterKernels kernels_ = chooseFilterKernels();
-  bool correction_;
-  int pass_ = kPrepare, row_ = 0;
+  std::optional<Fragments> fragments_;  ///< none if every pixel shows one surface
+  bool correction_, few_ = false;
+  std::vector<Pass> passes_;
+  std::size_t pass_ = 0;
+  int row_ = 0;
 };
 
+GuessFilter::Work::Work(const FeatureImage& features, bool few) : correction_(false) {
+  allocate(features);
+  tbb::parallel_for(0u, features.height(), [&](std::uint32_t y) {
+    clearMargins(static_cast<int>(y));
+    for (std::uint32_t x = 0; x < features.width(); ++x) {
+      const FeaturePart& part = features.most(x, y);
+      copyPixel(part, features.shareOfMost(x, y), part.light, part.variance(), static_cast<int>(x),
+                static_cast<int>(y));
+    }
+  });
+  fragments_.emplace(features);
+  if (fragments_->empty()) fragments_.reset();
+  plan(few);
+}
+
 GuessFilter::Work::Work(const FeatureImage& features, const std::vector<vec3>& radiance,
-                        const std::vector<vec3>& variance, const std::vector<vec3>* calm,
-                        bool correction)
+                        const std::vector<vec3>& variance, bool correction)
     : correction_(correction) {
+  allocate(features);
+  tbb::parallel_for(0u, features.height(), [&](std::uint32_t y) {
+    clearMargins(static_cast<int>(y));
+    for (std::uint32_t x = 0; x < features.width(); ++x) {
+      const std::size_t i = std::size_t{y} * features.width() + x;
+      copyPixel(features.surface(x, y), 1.0f, radiance[i], variance[i], static_cast<int>(x),
+                static_cast<int>(y));
+    }
+  });
+  plan(false);
+}
+
+void GuessFilter::Work::allocate(const FeatureImage& features) {
   planes_.width = static_cast<int>(features.width());
   planes_.height = static_cast<int>(features.height());
   planes_.stride = FilterPlanes::strideOf(features.width());
   const std::size_t plane = planes_.stride * features.height();
-  memory_ = hwy::AllocateAligned<float>(plane * (kFilterPlanes + (correction ? 0 : kLostPlanes)));
+  memory_ = hwy::AllocateAligned<float>(plane * (kFilterPlanes + (correction_ ? 0 : kLostPlanes)));
   if (!memory_) throw std::bad_alloc();
   planes_.guides = memory_.get();
   planes_.cells = planes_.guides + plane * kGuidePlanes;
   planes_.written = planes_.cells + plane * kCellPlanes;
-  if (!correction) planes_.lost = planes_.written + plane * kCellPlanes;
-  const std::vector<vec3>& light = calm != nullptr ? *calm : radiance;
-  tbb::parallel_for(0, planes_.height, [&](int y) {
-    clearMargins(y);
-    copyRow(features, light.data() + index(y), variance.data() + index(y), y);
-    if (planes_.lost != nullptr) copyLost(radiance.data() + index(y), y);
-  });
+  if (!correction_) planes_.lost = planes_.written + plane * kCellPlanes;
 }
 
-/// Until they are prepared, guides are features as they are, with the footprint in kSlope, and the
-/// light of `written` is the variance.
-void GuessFilter::Work::copyRow(const FeatureImage& features, const vec3* light,
-                                const vec3* variance, int y) {
-  const std::size_t stride = planes_.stride;
-  float *guides = planes_.guideRow(y), *cells = planes_.cellRow(y),
-        *written = planes_.writtenRow(y);
-  for (int x = 0; x < planes_.width; ++x) {
-    const Feature& f = features.mean(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
-    // What reflects nothing is no surface to share with.
-    putThree(f.normal * (1.0f - f.black), guides + kNormal * stride + x, stride);
-    putThree(f.position, guides + kPosition * stride + x, stride);
-    guides[kSlope * stride + static_cast<std::size_t>(x)] = f.footprint;
-    putThree(f.albedo, guides + kAlbedo * stride + x, stride);
-    putThree(light[x], cells + kLight * stride + x, stride);
-    putThree(variance[x], written + kLight * stride + x, stride);
+void GuessFilter::Work::plan(bool few) {
+  few_ = few;
+  passes_ = {{kPrepare}};
+  if (!correction_) passes_.push_back({kCalm, 1, true});
+  passes_.push_back({few ? kSpread : kSmooth, 1, true});
+  if (fragments_) passes_.insert(passes_.end(), {{kWeigh}, {kReach}});
+  for (int i = 0; i < FilterPlanes::kIterations; ++i) passes_.push_back({kGather, 1 << i, true});
+  if (fragments_) passes_.insert(passes_.end(), {{kMix}, {kSettle}, {kMix}, {kSettle}});
+  if (!correction_) {
+    passes_.push_back({kLose});
+    planFlow();
+    for (int i = 0; i < FilterPlanes::kIterations; ++i)
+      passes_.insert(passes_.end(), {{kShare, 1 << i}, {kCollect, 1 << i}});
+    planFlow();
   }
+  passes_.push_back({kFinish});
 }
 
-/// Until something is lost, that is all there is, still with its texture.
-void GuessFilter::Work::copyLost(const vec3* radiance, int y) {
-  for (int x = 0; x < planes_.width; ++x)
-    putThree(radiance[x], planes_.lostRow(y) + x, planes_.stride);
+void GuessFilter::Work::planFlow() {
+  if (fragments_) passes_.insert(passes_.end(), {{kFlow}, {kSettleFlow}});
+}
+
+/// Until they are prepared, guides are features as they are, with the footprint in kSlope and the
+/// share in kCover, the light of `written` is the variance, and all light counts as lost.
+void GuessFilter::Work::copyPixel(const FeaturePart& part, float share, const vec3& light,
+                                  const vec3& variance, int x, int y) {
+  const std::size_t stride = planes_.stride;
+  float* guide = planes_.guideRow(y) + x;
+  const Feature& f = part.mean;
+  // What reflects nothing is no surface to share with.
+  putThree(f.normal * (1.0f - f.black), guide + kNormal * stride, stride);
+  putThree(f.position, guide + kPosition * stride, stride);
+  guide[kSlope * stride] = f.footprint;
+  putThree(f.albedo, guide + kAlbedo * stride, stride);
+  guide[kCover * stride] = share;
+  putThree(light, planes_.cellRow(y) + x + kLight * stride, stride);
+  putThree(variance, planes_.writtenRow(y) + x + kLight * stride, stride);
+  if (planes_.lost != nullptr) putThree(light, planes_.lostRow(y) + x, stride);
 }
 
 void GuessFilter::Work::clearMargins(int y) {
@@ -156,10 +202,10 @@ void GuessFilter::Work::prepareRow(int y) {
     const float length = glm::length(normal);
     if (length > 0.0f) putThree(normal / length, guide + kNormal * stride, stride);
     guide[kLength * stride] = length;
-    float& slope = guide[kSlope * stride];
-    slope = length / (kPlaneTolerance * slope + 1e-30f);
-    const vec3 albedo = glm::max(getThree(guide + kAlbedo * stride, stride), vec3(kLeastAlbedo));
+    guide[kSlope * stride] = slopeOf(length, guide[kSlope * stride]);
+    const vec3 albedo = guideAlbedo(getThree(guide + kAlbedo * stride, stride));
     putThree(albedo, guide + kAlbedo * stride, stride);
+    guide[kCover * stride] *= luminance(albedo);
 
     const vec3 light = getThree(cell + kLight * stride, stride) / albedo;
     putThree(light, cell + kLight * stride, stride);
@@ -169,7 +215,32 @@ void GuessFilter::Work::prepareRow(int y) {
   }
 }
 
+/// A pixel brighter than all around it, by no more than its noise, has met a rare path: it counts
+/// as the brightest of them.
+void GuessFilter::Work::calmRow(int y) {
+  const std::size_t stride = planes_.stride;
+  const int top = std::max(y - 1, 0), bottom = std::min(y + 1, planes_.height - 1);
+  for (int x = 0; x < planes_.width; ++x) {
+    const int left = std::max(x - 1, 0), right = std::min(x + 1, planes_.width - 1);
+    float most = 0.0f;
+    for (int v = top; v <= bottom; ++v) {
+      const float* bright = planes_.cellRow(v) + kBright * stride;
+      for (int u = left; u <= right; ++u) {
+        if (u != x || v != y) most = std::max(most, bright[u]);
+      }
+    }
+    const float *cell = planes_.cellRow(y) + x, bright = cell[kBright * stride];
+    const float over = bright - most;
+    const bool noise = few_ || over * over < kSurely * cell[kVariance * stride];
+    const float scale = over > 0.0f && most > 0.0f && noise ? most / bright : 1.0f;
+    float* written = planes_.writtenRow(y) + x;
+    for (std::size_t p = kLight; p <= kBright; ++p) written[p * stride] = cell[p * stride] * scale;
+    written[kVariance * stride] = cell[kVariance * stride];
+  }
+}
+
 void GuessFilter::Work::loseRow(int y) {
+  if (fragments_) fragments_->lose(y);
   const std::size_t stride = planes_.stride;
   for (int x = 0; x < planes_.width; ++x) {
     const float *guide = planes_.guideRow(y) + x, *cell = planes_.cellRow(y) + x;
@@ -182,61 +253,80 @@ void GuessFilter::Work::loseRow(int y) {
 
 void GuessFilter::Work::finishRow(int y) {
   const std::size_t stride = planes_.stride;
+  vec3* row = out.data() + index(y);
   for (int x = 0; x < planes_.width; ++x) {
     const float *guide = planes_.guideRow(y) + x, *cell = planes_.cellRow(y) + x;
-    vec3& v = out[index(y) + static_cast<std::size_t>(x)];
     const vec3 albedo = getThree(guide + kAlbedo * stride, stride);
-    v = getThree(cell + kLight * stride, stride);
+    vec3 v = getThree(cell + kLight * stride, stride);
     if (!correction_) {
-      v = glm::max(v + getThree(planes_.lostRow(y) + x, stride), vec3(0.0f)) * albedo;
+      const float share = guide[kCover * stride] / luminance(albedo);
+      row[x] = glm::max(v + getThree(planes_.lostRow(y) + x, stride), vec3(0.0f)) * albedo * share;
       continue;
     }
     v *= albedo;
     const float value = cell[kBright * stride];
     const float square = value * value;
-    v *= square > 0.0f ? square / (square + kDoubt * cell[kVariance * stride]) : 0.0f;
+    row[x] = v * (square > 0.0f ? square / (square + kDoubt * cell[kVariance * stride]) : 0.0f);
   }
+  if (fragments_) fragments_->add(y, row);
 }
 
-void GuessFilter::Work::passRow(int y) {
-  switch (pass_) {
+void GuessFilter::Work::passRow(const Pass& pass, int y) {
+  switch (pass.kind) {
     case kPrepare:
       return prepareRow(y);
+    case kCalm:
+      return calmRow(y);
     case kSmooth:
       return kernels_.smoothVariance(planes_, y);
+    case kSpread:
+      return kernels_.spreadVariance(planes_, y);
+    case kWeigh:
+      return fragments_->weigh(planes_, y);
+    case kReach:
+      return fragments_->reach(planes_, y);
+    case kGather:
+      return kernels_.gather(planes_, y, pass.step);
+    case kMix:
+      return fragments_->mix(planes_, y);
+    case kSettle:
+      return fragments_->settle(y);
     case kLose:
       return loseRow(y);
+    case kFlow:
+      return fragments_->flow(planes_, y);
+    case kSettleFlow:
+      return fragments_->settleFlow(planes_, y);
+    case kShare:
+      return kernels_.share(planes_, y, pass.step);
+    case kCollect:
+      return kernels_.collect(planes_, y, pass.step);
     case kFinish:
       return finishRow(y);
-    default:
-      break;
   }
-  if (pass_ < kLose) return kernels_.gather(planes_, y, step());
-  if ((pass_ - kGiveBack) % 2 == 0) return kernels_.share(planes_, y, step());
-  kernels_.collect(planes_, y, step());
 }
 
 void GuessFilter::Work::band() {
-  if (pass_ == kFinish && row_ == 0) out.resize(index(planes_.height));
+  const Pass& pass = passes_[pass_];
+  if (pass.kind == kFinish && row_ == 0) out.resize(index(planes_.height));
   const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
   const std::size_t rows = std::max<std::size_t>(kBandPixels / planes_.stride, 1) * threads;
   const int end = static_cast<int>(
       std::min(static_cast<std::size_t>(row_) + rows, static_cast<std::size_t>(planes_.height)));
-  tbb::parallel_for(row_, end, [&](int k) { passRow(rowInOrder(k, planes_.height, step())); });
+  tbb::parallel_for(row_, end,
+                    [&](int k) { passRow(pass, rowInOrder(k, planes_.height, pass.step)); });
   row_ = end;
   if (row_ < planes_.height) return;
-  if (pass_ >= kSmooth && pass_ < kLose) std::swap(planes_.cells, planes_.written);
+  if (pass.swaps) std::swap(planes_.cells, planes_.written);
   ++pass_;
-  if (pass_ == kLose && correction_) pass_ = kFinish;
   row_ = 0;
 }
 
-GuessFilter::GuessFilter(const FeatureImage& features, const std::vector<vec3>& radiance,
-                         const std::vector<vec3>& variance, const std::vector<vec3>& calm)
-    : work_(std::make_unique<Work>(features, radiance, variance, &calm, false)) {}
+GuessFilter::GuessFilter(const FeatureImage& features, bool few)
+    : work_(std::make_unique<Work>(features, few)) {}
 GuessFilter::GuessFilter(const FeatureImage& features, const std::vector<vec3>& radiance,
                          const std::vector<vec3>& variance, bool correction)
-    : work_(std::make_unique<Work>(features, radiance, variance, nullptr, correction)) {}
+    : work_(std::make_unique<Work>(features, radiance, variance, correction)) {}
 GuessFilter::GuessFilter(GuessFilter&& other) noexcept = default;
 GuessFilter& GuessFilter::operator=(GuessFilter&& other) noexcept = default;
 GuessFilter::~GuessFilter() = default;
@@ -256,7 +346,8 @@ std::vector<vec3> GuessFilter::result() {
 
 std::uint64_t GuessFilter::bytesNeeded(std::uint32_t width, std::uint32_t height) {
   const std::uint64_t floats = FilterPlanes::strideOf(width) * (kFilterPlanes + kLostPlanes);
-  return (floats * sizeof(float) + width * sizeof(vec3)) * height;
+  return (floats * sizeof(float) + width * sizeof(vec3)) * height +
+         Fragments::bytesNeeded(width, height);
 }
 
 namespace {

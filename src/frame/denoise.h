@@ -4,10 +4,11 @@
 // An a-trous wavelet filter [Dammertz et al., HPG 2010] with variance-guided weights in the manner
 // of [Schied et al., HPG 2017], on radiance divided by albedo. Such weights take rare bright
 // samples for what they are not and lose their light, so what the filter took is given back: spread
-// widely over pixels that show the same surface, whatever their light, none of it lost. What the
-// correction estimates, the bias of a cached guess, varies slowly over surfaces: filtering it apart
-// from the guess keeps the guess's detail, and adding only as much of it as stands out of its noise
-// lowers the error [Gu, Iglesias-Guitian, Moon, SIGGRAPH Asia 2022].
+// widely over pixels that show the same surface, whatever their light, none of it lost. A pixel
+// that shows two surfaces is filtered as two: so rims stay sharp, and are as free of noise as what
+// they part. What the correction estimates, the bias of a cached guess, varies slowly over
+// surfaces: filtering it apart from the guess keeps the guess's detail, and adding only as much of
+// it as stands out of its noise lowers the error [Gu, Iglesias-Guitian, Moon, SIGGRAPH Asia 2022].
 #pragma once
 
 #include <cstdint>
@@ -24,15 +25,15 @@ namespace trex {
 /// oneTBB arena.
 class GuessFilter {
  public:
-  /// Copies what it needs. `radiance` and `variance` (of each pixel's mean, not negative) go row by
-  /// row, width * height of the features; non-finite input must not occur. What the two functions
-  /// below do apart from each other is told by `correction`.
+  /// Of the light in `features`, each part of a pixel by what it shows. `few`: so few samples that
+  /// their own spread tells little; the filter then looks at that around each pixel. Copies what it
+  /// needs.
+  GuessFilter(const FeatureImage& features, bool few);
+  /// Of other light, by the surface() of each pixel. `radiance` and `variance` (of each pixel's
+  /// mean, not negative) go row by row, width * height of the features; non-finite input must not
+  /// occur. What the two functions below do apart from each other is told by `correction`.
   GuessFilter(const FeatureImage& features, const std::vector<vec3>& radiance,
               const std::vector<vec3>& variance, bool correction);
-  /// Of a guess, starting from `calm`, the same without its rarest samples. Their light is given
-  /// back all the same.
-  GuessFilter(const FeatureImage& features, const std::vector<vec3>& radiance,
-              const std::vector<vec3>& variance, const std::vector<vec3>& calm);
   GuessFilter(GuessFilter&& other) noexcept;
   GuessFilter& operator=(GuessFilter&& other) noexcept;
   ~GuessFilter();
@@ -44,7 +45,7 @@ class GuessFilter {
   /// The filtered picture, row by row. Once, after advance() has returned true.
   std::vector<vec3> result();
 
-  /// Of one filter, with its result.
+  /// Of one filter, with its result, if every pixel shows two surfaces.
   static std::uint64_t bytesNeeded(std::uint32_t width, std::uint32_t height);
 
  private:

@@ -17,9 +17,8 @@
 namespace trex {
 namespace {
 
-constexpr float kTolerance = 3.0f;  // differences below this many deviations are noise
-constexpr float kAlbedoTolerance = 0.2f;
-constexpr float kFar = 20.0f;  // exponents beyond count as infinite
+// Light that is lost, rare dots, may go farther than what is taken for the same.
+constexpr float kAlbedoTolerance = 0.2f, kWideAlbedoTolerance = 0.4f;
 constexpr float kInfinite = std::numeric_limits<float>::infinity();
 
 // A neighbour of a pixel.
@@ -96,8 +95,8 @@ HWY_INLINE VF luminanceOf(const Three& v) {
   return dot(v, {set(0.2126f), set(0.7152f), set(0.0722f)});
 }
 
-// exp(-x), within 2e-4 of itself; 0 where x is kFar or more. A polynomial for the fraction of the
-// power of two; its integer part is shifted from where adding kUnits puts it to the exponent.
+// exp(-x), within 2e-4 of itself; 0 where x is kFarApart or more. A polynomial for the fraction of
+// the power of two; its integer part is shifted from where adding kUnits puts it to the exponent.
 HWY_INLINE VF expOfMinus(VF x) {
   constexpr float kUnits = 0x1.8p23f;  // whole numbers of floats about it are their last bits
   constexpr float kBias = 127.0f;
@@ -111,7 +110,7 @@ HWY_INLINE VF expOfMinus(VF x) {
   mantissa = hn::Add(set(1.0f), hn::Mul(f, mantissa));
   const auto exponent = hn::BitCast(di, hn::Add(whole, set(kUnits + kBias)));
   const VF power = hn::BitCast(df, hn::ShiftLeft<23>(exponent));
-  return hn::IfThenElseZero(hn::Lt(x, set(kFar)), hn::Mul(mantissa, power));
+  return hn::IfThenElseZero(hn::Lt(x, set(kFarApart)), hn::Mul(mantissa, power));
 }
 
 // A part of a row, short enough for all that is read for it to stay in the innermost cache.
@@ -128,10 +127,10 @@ struct alignas(64) Part {
 static_assert(sizeof(float[kPart]) % 64 == 0);
 
 // How little the pixels of a part share with their neighbours by what they show: their weight is
-// power * exp(-distance), where power is the 32nd of the cosine between their normals. False if
+// power * exp(-distance), where power is the 4th of the cosine between their normals. False if
 // all are infinitely far.
 HWY_INLINE bool guideDistances(const float* guides, std::size_t stride, std::ptrdiff_t neighbour,
-                               float perPixel, Part& part) {
+                               float perPixel, float albedoTolerance, Part& part) {
   const DF df;
   VF nearest = set(kInfinite);
   for (int x = 0; x < part.width; x += kLanes) {
@@ -140,9 +139,8 @@ HWY_INLINE bool guideDistances(const float* guides, std::size_t stride, std::ptr
     const Three normal = loadThree(guide + kNormal * stride, stride);
     const Three otherNormal = loadThree(other + kNormal * stride, stride);
     const VF cosine = hn::Min(dot(normal, otherNormal), set(1.0f));
-    const VF c2 = hn::Mul(cosine, cosine), c4 = hn::Mul(c2, c2), c8 = hn::Mul(c4, c4);
-    const VF c16 = hn::Mul(c8, c8);
-    VF power = hn::Mul(c16, c16);
+    const VF c2 = hn::Mul(cosine, cosine);
+    VF power = hn::Mul(c2, c2);
     const Three between = minus(loadThree(other + kPosition * stride, stride),
                                 loadThree(guide + kPosition * stride, stride));
     // The same from both sides, as both must agree on what they share.
@@ -152,9 +150,9 @@ HWY_INLINE bool guideDistances(const float* guides, std::size_t stride, std::ptr
     const Three colour = minus(loadThree(guide + kAlbedo * stride, stride),
                                loadThree(other + kAlbedo * stride, stride));
     const VF colourDistance =
-        hn::Mul(dot(colour, colour), set(1.0f / (kAlbedoTolerance * kAlbedoTolerance)));
+        hn::Mul(dot(colour, colour), set(1.0f / (albedoTolerance * albedoTolerance)));
     VF distance = hn::Add(hn::Mul(hn::Add(off, otherOff), set(0.5f * perPixel)), colourDistance);
-    // Beyond, the power is less than 2^-32.
+    // Beyond, light comes from elsewhere.
     distance = hn::IfThenElse(hn::Gt(cosine, set(0.5f)), distance, set(kInfinite));
     // Where one shows nothing, only those alike go together.
     const VF length = hn::LoadU(df, guide + kLength * stride);
@@ -169,7 +167,7 @@ HWY_INLINE bool guideDistances(const float* guides, std::size_t stride, std::ptr
     hn::Store(power, df, part.power + x);
     nearest = hn::Min(distance, nearest);
   }
-  return !hn::AllFalse(df, hn::Lt(nearest, set(kFar)));
+  return !hn::AllFalse(df, hn::Lt(nearest, set(kFarApart)));
 }
 
 template <typename Work>
@@ -186,45 +184,63 @@ HWY_INLINE VF guideWeight(const Part& part, int x, float spline) {
                                       expOfMinus(hn::Load(df, part.distance + x))));
 }
 
+HWY_INLINE void addTo(float* sum, VF value) {
+  const DF df;
+  hn::Store(hn::Add(hn::Load(df, sum), value), df, sum);
+}
+
 // A variance from few samples is itself noise and rarely too large: the mean over a neighbourhood
-// bounds it from below.
-void smoothVariance(const FilterPlanes& planes, int y) {
+// bounds it from below, and with kSpread the variance between pixels there.
+template <bool kSpread>
+HWY_INLINE void neighbourVariance(const FilterPlanes& planes, int y) {
   const DF df;
   const std::size_t stride = planes.stride;
   const Taps taps = listTaps(planes, y, 1, kWide);
   Part part;
-  forParts(planes.width, part, [&](int first) {
-    const float* cells = planes.cellRow(y) + first;
-    float* written = planes.writtenRow(y) + first;
-    float* sums = part.sum[kVariance];
+  float *sums = part.sum[kVariance], *first = part.sum[kLight], *second = part.sum[kLight + 1];
+  forParts(planes.width, part, [&](int begin) {
+    const float* cells = planes.cellRow(y) + begin;
+    float* written = planes.writtenRow(y) + begin;
     std::copy_n(cells + kVariance * stride, part.width, sums);
     std::fill_n(part.weights, part.width, 1.0f);
+    std::fill_n(first, part.width, 0.0f);
+    std::fill_n(second, part.width, 0.0f);
     for (int t = 0; t < taps.count; ++t) {
       const Tap& tap = taps.tap[t];
-      if (!guideDistances(planes.guideRow(y) + first, stride, tap.guide, 1.0f / 3.0f, part))
+      if (!guideDistances(planes.guideRow(y) + begin, stride, tap.guide, 1.0f / 3.0f,
+                          kAlbedoTolerance, part))
         continue;
-      const float* other = cells + tap.cell + kVariance * stride;
+      const float* other = cells + tap.cell;
       for (int x = 0; x < part.width; x += kLanes) {
         const VF w = guideWeight(part, x, 1.0f);
-        const VF sum = hn::Add(hn::Load(df, sums + x), hn::Mul(w, hn::LoadU(df, other + x)));
-        hn::Store(sum, df, sums + x);
-        hn::Store(hn::Add(hn::Load(df, part.weights + x), w), df, part.weights + x);
+        addTo(sums + x, hn::Mul(w, hn::LoadU(df, other + kVariance * stride + x)));
+        addTo(part.weights + x, w);
+        if constexpr (kSpread) {
+          const VF difference = hn::Sub(hn::LoadU(df, other + kBright * stride + x),
+                                        hn::LoadU(df, cells + kBright * stride + x));
+          addTo(first + x, hn::Mul(w, difference));
+          addTo(second + x, hn::Mul(w, hn::Mul(difference, difference)));
+        }
       }
     }
     for (std::size_t p = kLight; p < kVariance; ++p)
       std::copy_n(cells + p * stride, part.width, written + p * stride);
     for (int x = 0; x < part.width; x += kLanes) {
-      const VF mean = hn::Div(hn::Load(df, sums + x), hn::Load(df, part.weights + x));
-      const VF variance = hn::LoadU(df, cells + kVariance * stride + x);
-      hn::StoreU(hn::Max(variance, mean), df, written + kVariance * stride + x);
+      const VF weights = hn::Load(df, part.weights + x);
+      VF variance = hn::Max(hn::LoadU(df, cells + kVariance * stride + x),
+                            hn::Div(hn::Load(df, sums + x), weights));
+      if constexpr (kSpread) {
+        const VF mean = hn::Div(hn::Load(df, first + x), weights);
+        const VF spread = hn::Sub(hn::Div(hn::Load(df, second + x), weights), hn::Mul(mean, mean));
+        variance = hn::Max(variance, spread);
+      }
+      hn::StoreU(variance, df, written + kVariance * stride + x);
     }
   });
 }
 
-HWY_INLINE void addTo(float* sum, VF value) {
-  const DF df;
-  hn::Store(hn::Add(hn::Load(df, sum), value), df, sum);
-}
+void smoothVariance(const FilterPlanes& planes, int y) { neighbourVariance<false>(planes, y); }
+void spreadVariance(const FilterPlanes& planes, int y) { neighbourVariance<true>(planes, y); }
 
 HWY_INLINE void startGather(const float* cells, std::size_t stride, Part& part) {
   const DF df;
@@ -250,8 +266,8 @@ HWY_INLINE void gatherTap(const float* cells, std::size_t stride, const Tap& tap
     const VF variance = hn::LoadU(df, other + kVariance * stride);
     // By its own variance alone: a rare bright neighbour, whose variance is large, must not be
     // taken for one of those alike.
-    const VF noise =
-        hn::Mul(hn::LoadU(df, cell + kVariance * stride), set(2.0f * kTolerance * kTolerance));
+    const VF noise = hn::Mul(hn::LoadU(df, cell + kVariance * stride),
+                             set(2.0f * kNoiseTolerance * kNoiseTolerance));
     const VF far = hn::Add(hn::Load(df, part.distance + x),
                            hn::Div(hn::Mul(difference, difference), hn::Add(noise, set(1e-30f))));
     const VF w = hn::Mul(set(tap.spline), hn::Mul(hn::Load(df, part.power + x), expOfMinus(far)));
@@ -292,7 +308,7 @@ void gather(const FilterPlanes& planes, int y, int step) {
     startGather(cells, stride, part);
     for (int t = 0; t < taps.count; ++t) {
       const Tap& tap = taps.tap[t];
-      if (guideDistances(guides, stride, tap.guide, tap.perPixel, part))
+      if (guideDistances(guides, stride, tap.guide, tap.perPixel, kAlbedoTolerance, part))
         gatherTap(cells, stride, tap, part);
     }
     finishGather(part, planes.writtenRow(y) + first, stride);
@@ -301,8 +317,8 @@ void gather(const FilterPlanes& planes, int y, int step) {
 
 constexpr float kCentre = 1.0f / 4.0f;  // the weight of a pixel in its own 3x3
 
-// A pixel's light goes to those alike in proportion to weight times albedo, so that it sends as
-// much light as it has however its neighbours' albedos differ.
+// A pixel's light goes to those alike in proportion to weight times cover, so that it sends as much
+// light as it has however their albedos differ.
 void share(const FilterPlanes& planes, int y, int step) {
   const DF df;
   const std::size_t stride = planes.stride;
@@ -310,27 +326,24 @@ void share(const FilterPlanes& planes, int y, int step) {
   Part part;
   forParts(planes.width, part, [&](int first) {
     const float* guides = planes.guideRow(y) + first;
-    float* albedo = part.sum[kBright];
-    for (int x = 0; x < part.width; x += kLanes) {
-      const VF own = luminanceOf(loadThree(guides + kAlbedo * stride + x, stride));
-      hn::Store(own, df, albedo + x);
-      hn::Store(hn::Mul(set(kCentre), own), df, part.weights + x);
-    }
+    const float* cover = guides + kCover * stride;
+    for (int x = 0; x < part.width; x += kLanes)
+      hn::Store(hn::Mul(set(kCentre), hn::LoadU(df, cover + x)), df, part.weights + x);
     for (int t = 0; t < taps.count; ++t) {
       const Tap& tap = taps.tap[t];
-      if (!guideDistances(guides, stride, tap.guide, tap.perPixel, part)) continue;
+      if (!guideDistances(guides, stride, tap.guide, tap.perPixel, kWideAlbedoTolerance, part))
+        continue;
       for (int x = 0; x < part.width; x += kLanes) {
-        const float* other = guides + tap.guide + kAlbedo * stride + x;
         addTo(part.weights + x,
-              hn::Mul(guideWeight(part, x, tap.spline), luminanceOf(loadThree(other, stride))));
+              hn::Mul(guideWeight(part, x, tap.spline), hn::LoadU(df, cover + tap.guide + x)));
       }
     }
     const float* lost = planes.lostRow(y) + first;
     float* written = planes.writtenRow(y) + first + kLight * stride;
     for (int x = 0; x < part.width; x += kLanes) {
-      // Beside the picture albedo is zero.
+      // Beside the picture all is zero.
       const VF scale =
-          hn::Div(hn::Load(df, albedo + x), hn::Add(hn::Load(df, part.weights + x), set(1e-30f)));
+          hn::Div(hn::LoadU(df, cover + x), hn::Add(hn::Load(df, part.weights + x), set(1e-30f)));
       const Three light = loadThree(lost + x, stride);
       hn::StoreU(hn::Mul(light.x, scale), df, written + x);
       hn::StoreU(hn::Mul(light.y, scale), df, written + stride + x);
@@ -355,7 +368,8 @@ void collect(const FilterPlanes& planes, int y, int step) {
     }
     for (int t = 0; t < taps.count; ++t) {
       const Tap& tap = taps.tap[t];
-      if (!guideDistances(guides, stride, tap.guide, tap.perPixel, part)) continue;
+      if (!guideDistances(guides, stride, tap.guide, tap.perPixel, kWideAlbedoTolerance, part))
+        continue;
       for (int x = 0; x < part.width; x += kLanes) {
         const VF w = guideWeight(part, x, tap.spline);
         const Three other = loadThree(shares + tap.cell + x, stride);
@@ -372,7 +386,7 @@ void collect(const FilterPlanes& planes, int y, int step) {
   });
 }
 
-FilterKernels filterKernels() { return {smoothVariance, gather, share, collect}; }
+FilterKernels filterKernels() { return {smoothVariance, spreadVariance, gather, share, collect}; }
 
 }  // namespace HWY_NAMESPACE
 }  // namespace trex

@@ -13,6 +13,8 @@
 
 #include <cstddef>
 
+#include "src/core/maths.h"
+
 namespace trex {
 
 /// What a pixel shows, for the weights.
@@ -22,8 +24,33 @@ enum GuidePlane : std::size_t {
   kPosition = 4,  ///< three planes, metres
   kSlope = 7,     ///< kLength / (tolerated distance from the surface's plane), 1/metres
   kAlbedo = 8,    ///< three planes
-  kGuidePlanes = 11
+  kCover = 11,    ///< share of the pixel's samples * luminance of the albedo: weight of its light
+  kGuidePlanes = 12
 };
+
+constexpr float kNoiseTolerance = 3.0f;  ///< differences below this many deviations are noise
+constexpr float kFarApart = 20.0f;       ///< exponents beyond count as infinite
+
+/// Of three planes, a pixel.
+inline vec3 getThree(const float* at, std::size_t stride) {
+  return {at[0], at[stride], at[2 * stride]};
+}
+inline void putThree(const vec3& v, float* at, std::size_t stride) {
+  at[0] = v.x;
+  at[stride] = v.y;
+  at[2 * stride] = v.z;
+}
+
+/// kSlope by the length of the mean normal and the width of a pixel there.
+inline float slopeOf(float length, float footprint) {
+  constexpr float kPlaneTolerance = 2.0f;  // pixel widths off the surface's plane
+  return length / (kPlaneTolerance * footprint + 1e-30f);
+}
+/// What light is divided by to be without texture.
+inline vec3 guideAlbedo(const vec3& albedo) {
+  constexpr float kLeastAlbedo = 0.02f;
+  return glm::max(albedo, vec3(kLeastAlbedo));
+}
 
 /// Light without texture.
 enum CellPlane : std::size_t {
@@ -66,13 +93,15 @@ struct FilterPlanes {
   }
 };
 
-/// Different rows may run at once. The first two read guides and cells and write row y of
-/// `written`; the others together spread what was lost over 3x3 pixels `step` apart that are alike,
-/// so that the sum of light times albedo's luminance stays what it was: each pixel shares out all
-/// that it has.
+/// Different rows may run at once. The first three read guides and cells and write row y of
+/// `written`; the others together spread what was lost over 3x3 pixels `step` apart that show the
+/// same surface, so that the sum of light times kCover stays what it was: each
+/// pixel shares out all that it has.
 struct FilterKernels {
   /// Light as it is; variances not below the mean of their neighbourhood.
   void (*smoothVariance)(const FilterPlanes& planes, int y);
+  /// The same, nor below the variance between the pixels of it: where there are few samples.
+  void (*spreadVariance)(const FilterPlanes& planes, int y);
   /// The weighted mean of 5x5 pixels `step` apart, and its variance.
   void (*gather)(const FilterPlanes& planes, int y, int step);
   /// What a pixel gives for a weight of one, from `lost` to the light of `written`.

@@ -37,8 +37,6 @@ std::uint64_t frameBytes(const RenderSettings& s, const PictureLayers& layers) {
   if (layers.needsSplit()) bytes += pixels * DirectImage::kBytesAPixel;
   if (layers.alpha) bytes += pixels * CoverageImage::kBytesAPixel;
   if (layers.needsFirstHit()) bytes += pixels * FirstHitImage::kBytesAPixel;
-  // What covers the pixels is filtered apart from how much of them it covers.
-  if (filter && s.transparent) bytes += FeatureImage::bytesNeeded(s.width, s.height) + pixels * 4;
   if (filter) bytes += GuessFilter::bytesNeeded(s.width, s.height);
   // The picture, and what its file's writer holds of it.
   return bytes + pixels * (3 + layers.channels()) * sizeof(float) * 2 + pixels * 2 * sizeof(vec3);

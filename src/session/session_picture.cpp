@@ -16,8 +16,7 @@ std::vector<vec3> Session::shown() {
 }
 
 ShownOptions Session::shownOptions() const {
-  return {settings_.denoise, settings_.exact > 0.0 && settings_.exact < 1.0, 1,
-          settings_.transparent};
+  return {settings_.denoise, settings_.exact > 0.0 && settings_.exact < 1.0, 1};
 }
 
 Picture Session::picture() {
@@ -63,7 +62,7 @@ void Session::addLayers(std::uint32_t x, std::uint32_t y, std::vector<float>& va
     if (layers_.indirect) add(vec3(frame_->sums.mean(x, y) - direct));
   }
   if (layers_.needsFeatures()) {
-    const Feature& f = frame_->features->mean(x, y);
+    const Feature f = frame_->features->mean(x, y);
     if (layers_.albedo) add(f.albedo);
     if (layers_.normal) add(f.normal);
     if (layers_.position) add(f.position);

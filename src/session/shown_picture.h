@@ -17,9 +17,6 @@ struct ShownOptions {
   /// Every so manieth pixel alone, each of which must have a sample; 1: all of them, and where one
   /// has none yet that of its lattice before it.
   std::uint32_t spacing = 1;
-  /// Without background: the filter sees the colours of what covers a pixel, not those multiplied
-  /// by how much of it is covered, so that the edges are those of the layer A.
-  bool premultiplied = false;
 };
 
 /// One picture under way, of the frame as it was when this was made. One thread at a time.
@@ -35,10 +32,9 @@ class ShownPicture {
  private:
   void gather(const FrameBuffers& frame, std::uint32_t width, std::uint32_t height,
               const ShownOptions& options);
-  void addResult(std::optional<GuessFilter>& filter);
 
-  std::vector<vec3> picture_;   ///< until done, what is not filtered
-  std::vector<float> covered_;  ///< of the whole picture, if it is premultiplied and filtered
+  std::vector<vec3> picture_;      ///< until done, what is not filtered
+  std::vector<float> scattering_;  ///< shares of the pixels that the correction is of
   std::optional<GuessFilter> guess_, correction_;
 };
 

@@ -16,8 +16,8 @@ namespace trex::test {
 
 inline constexpr int kIterations = 5;           // steps of 1, 2, 4, 8, 16 pixels
 inline constexpr float kTolerance = 3.0f;       // differences below this many deviations are noise
-inline constexpr float kPlaneTolerance = 1.0f;  // pixel widths off the surface's plane
-inline constexpr float kAlbedoTolerance = 0.2f;
+inline constexpr float kPlaneTolerance = 2.0f;  // pixel widths off the surface's plane
+inline constexpr float kAlbedoTolerance = 0.2f, kWideAlbedoTolerance = 0.4f;
 inline constexpr float kLeastAlbedo = 0.02f;
 
 // Of variances: they are estimates, too small where light is rare.
@@ -65,7 +65,7 @@ class ScalarFilter {
       for (int x = 0; x < width_; ++x) {
         const std::size_t i = index(x, y);
         const Feature& f =
-            features.mean(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y));
+            features.surface(static_cast<std::uint32_t>(x), static_cast<std::uint32_t>(y)).mean;
         Guide& guide = guides_[i];
         guide.albedo = glm::max(f.albedo, vec3(kLeastAlbedo));
         guide.length = glm::length(f.normal);
@@ -80,6 +80,7 @@ class ScalarFilter {
   }
 
   std::vector<vec3> run(bool shrink) {
+    if (!shrink) calm();
     smoothVariance();
     for (int step = 1; step < 1 << kIterations; step *= 2) {
       tbb::parallel_for(0, height_, [&](int y) {
@@ -110,22 +111,22 @@ class ScalarFilter {
   }
 
   /// How little two pixels may share by what they show: their weight is power * exp(-returned
-  /// value), where power is the 32nd of the cosine between their normals.
-  static float guideDistance(const Guide& a, const Guide& b, float inverseDistance, float& power) {
+  /// value), where power is the 4th of the cosine between their normals.
+  static float guideDistance(const Guide& a, const Guide& b, float inverseDistance, float& power,
+                             float albedoTolerance = kAlbedoTolerance) {
     if (a.length * b.length < 1e-3f) {
       power = 1.0f;
       return a.length == b.length ? 0.0f : kInfinity;
     }
     const float cosine = std::min(glm::dot(a.normal, b.normal), 1.0f);
-    if (cosine <= 0.5f) return kInfinity;  // less than 2^-32
-    const float c2 = cosine * cosine, c4 = c2 * c2, c8 = c4 * c4, c16 = c8 * c8;
-    power = c16 * c16;
+    if (cosine <= 0.5f) return kInfinity;
+    power = cosine * cosine * cosine * cosine;
     const vec3 between = b.position - a.position;
     const float off = std::abs(glm::dot(a.normal, between)) * a.length * a.perPixel +
                       std::abs(glm::dot(b.normal, between)) * b.length * b.perPixel;
     const vec3 colour = a.albedo - b.albedo;
     return 0.5f * off * inverseDistance +
-           glm::dot(colour, colour) * (1.0f / (kAlbedoTolerance * kAlbedoTolerance));
+           glm::dot(colour, colour) * (1.0f / (albedoTolerance * albedoTolerance));
   }
 
   /// Calls visit(offset index, pixel) for the 5x5 neighbours `step` apart that are in the picture.
@@ -178,13 +179,35 @@ class ScalarFilter {
           float power = 0.0f;
           const float pixels =
               static_cast<float>(step) * (dx != 0 && dy != 0 ? std::sqrt(2.0f) : 1.0f);
-          const float far =
-              guideDistance(guides_[at], guides_[index(px, py)], 1.0f / pixels, power);
+          const float far = guideDistance(guides_[at], guides_[index(px, py)], 1.0f / pixels, power,
+                                          kWideAlbedoTolerance);
           w *= power * expOfMinus(far);
         }
         visit(index(px, py), w);
       }
     }
+  }
+
+  /// A pixel brighter than all around it, by no more than its noise, counts as the brightest of
+  /// them.
+  void calm() {
+    std::vector<vec3> calmed;
+    for (int y = 0; y < height_; ++y) {
+      for (int x = 0; x < width_; ++x) {
+        float most = 0.0f;
+        for (int v = std::max(y - 1, 0); v <= std::min(y + 1, height_ - 1); ++v) {
+          for (int u = std::max(x - 1, 0); u <= std::min(x + 1, width_ - 1); ++u) {
+            if (u != x || v != y) most = std::max(most, luminance(cells_[index(u, v)].light));
+          }
+        }
+        const Cell& own = cells_[index(x, y)];
+        const float bright = luminance(own.light), over = bright - most;
+        const bool noise = over * over < kTolerance * kTolerance * own.variance;
+        calmed.push_back(over > 0.0f && most > 0.0f && noise ? own.light * (most / bright)
+                                                             : own.light);
+      }
+    }
+    for (std::size_t i = 0; i < calmed.size(); ++i) cells_[i].light = calmed[i];
   }
 
   /// A variance from few samples is itself noise and rarely too large: the mean over a
