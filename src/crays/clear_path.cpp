@@ -115,6 +115,7 @@ void ClearLayers::findBends() {
   for (const RayScene::Parts::Placed& p : parts.placed) {
     add(parts.shared[p.mesh], placeOf(scene_, parts, p).toRender);
   }
+  for (const Box3f& box : found) bendBox_.extend(box);
   gather(found, kBoxHalvings, bendBoxes_);
 }
 
@@ -122,14 +123,15 @@ void ClearLayers::findBends() {
 bool ClearLayers::meetsBends(const RayStart& start, const vec3& direction,
                              const RayEnd& end) const {
   const vec3 origin(start.position), inverse = 1.0f / direction;
-  const bool near = std::any_of(bendBoxes_.begin(), bendBoxes_.end(), [&](const Box3f& box) {
+  const auto meets = [&](const Box3f& box) {
     const vec3 a = (box.lower - origin) * inverse, b = (box.upper - origin) * inverse;
     const float enters = maxComponent(glm::min(a, b));
     const float leaves = -maxComponent(-glm::max(a, b));
     return !(enters > leaves || leaves < 0.0f || enters > end.distance);  // true if not a number
-  });
+  };
+  if (!meets(bendBox_) || std::none_of(bendBoxes_.begin(), bendBoxes_.end(), meets)) return false;
   hccm::Passages bends{bends_.data()};
-  return near && rays_.occluded(start, direction, 0.0f, end, &bends);
+  return rays_.occluded(start, direction, 0.0f, end, &bends);
 }
 
 bool ClearLayers::pass(const Surface& surface, const Bsdf& bsdf, ClearWalk& walk) const {

@@ -110,7 +110,8 @@ class ClearLayers {
   std::vector<std::uint8_t> glass_;  ///< by material; of passages_ those that are glass
   std::vector<hccm::Passage> passages_;
   std::vector<hccm::Passage> bends_;  ///< by material: what refracts blocks, all else is absent
-  std::vector<Box3f> bendBoxes_;      ///< render space; of all that refracts
+  Box3f bendBox_;                     ///< render space; of all that refracts...
+  std::vector<Box3f> bendBoxes_;      ///< ...and of its parts
   bool any_ = false, anyGlass_ = false, anyBends_ = false;
 };
 
