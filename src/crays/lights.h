@@ -61,13 +61,15 @@ struct LightSample {
   float pdf = 0.0f;  ///< per solid angle
   bool delta = false;
   float solidAngle =
-      0.0f;           ///< of the light as seen from the point, steradian, about; 0 if point-like
-  dvec3 target{0.0};  ///< the point on the light, in render space, if `distance` is finite
-  vec3 normal{0.0f};  ///< of an emitter's front there; zero for other lights
+      0.0f;            ///< of the light as seen from the point, steradian, about; 0 if point-like
+  dvec3 target{0.0};   ///< the point on the light, in render space, if `distance` is finite
+  vec3 normal{0.0f};   ///< of an emitter's front there; zero for other lights
   TriangleId emitter;  ///< none for other lights
 
   /// Where a shadow ray ends.
-  RayEnd end() const { return distance < kInfinity ? RayEnd(distance, target, emitter) : RayEnd(distance); }
+  RayEnd end() const {
+    return distance < kInfinity ? RayEnd(distance, target, emitter) : RayEnd(distance);
+  }
   /// `pdf` of the way by which the light is reached: thick glass shows another side of an emitter.
   float pdfBy(const LightConnection& way) const {
     const float straight = glm::dot(normal, direction), seen = glm::dot(normal, way.direction);

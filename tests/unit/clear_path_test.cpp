@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "src/crays/integrator.h"
 #include "src/frame/estimator.h"
 #include "tests/unit/glass_scenes.h"
@@ -181,6 +183,80 @@ TEST(ClearGlass, LensesRoughGlassAndSingleFacesAreNoPanes) {
   EXPECT_EQ(passed(test::sphere(vec3(0.0f, 2.0f, 0.0f), 1.0f, 1, 32)), vec3(0.0f));
   EXPECT_EQ(passed(test::sheet(3.0f, 1.0f, 1)), vec3(0.0f));
   EXPECT_EQ(passed(test::sheet(3.0f, 1.0f, 2)), vec3(0.0f));
+}
+
+/// What blocks a straight line is not asked of each ray by walking; the answers are the walk's, in
+/// merged and in placed meshes.
+TEST(ClearGlass, ConnectionsAreThoseOfTheWalk) {
+  for (const int copies : {1, 2}) {
+    Scene scene = floorAt(0.0f);
+    scene.materials.push_back(test::glass(false));
+    scene.materials.push_back(test::glass(true));
+    scene.materials.push_back(test::lambert(0.5f));
+    test::place(scene, test::sheet(0.7f, 1.0f, 1));
+    test::place(scene, test::pane(0.5f, 1.5f, 0.2f, 2));
+    test::place(scene, test::sheet(0.6f, 2.0f, 3));
+    test::place(scene, test::sphere(vec3(1.2f, 1.0f, 0.0f), 0.4f, 2, 64));
+    for (int i = 1; i < copies; ++i) {
+      Instance copy = scene.instances.back();
+      copy.transform[3] = glm::dvec4(-2.4 * i, 0.0, 0.0, 1.0);
+      scene.instances.push_back(copy);
+    }
+    const RayScene rays(scene);
+    ASSERT_EQ(rays.statistics().instances, copies == 1 ? 0u : 2u);
+    const ClearLayers layers(scene, rays);
+    Sampler sampler(0, 0, 5);
+    int blocked = 0, bent = 0, clear = 0;
+    for (int i = 0; i < 20000; ++i) {
+      const auto place = [&](double low, double high) {
+        const vec2 u = sampler.next2D();
+        const double y = low + (high - low) * static_cast<double>(sampler.next1D());
+        return dvec3(4.0 * static_cast<double>(u.x) - 2.0, y,
+                     2.0 * static_cast<double>(u.y) - 1.0) -
+               rays.renderOrigin();
+      };
+      const dvec3 from = place(0.1, 0.9), to = place(2.1, 3.0);
+      const vec3 direction(glm::normalize(to - from));
+      const RayEnd end(static_cast<float>(glm::length(to - from)), to);
+      const ClearWalk walk = layers.walk(from, direction, end);
+      const LightConnection way = layers.connect(from, direction, end);
+      bent += walk.path.begun();
+      if (walk.path.begun()) continue;
+      EXPECT_EQ(way.reaches(), !walk.blocked);
+      EXPECT_FALSE(way.refracted);
+      EXPECT_EQ(way.passed, walk.blocked ? vec3(0.0f) : walk.passed);
+      (walk.blocked ? blocked : clear) += 1;
+    }
+    EXPECT_GT(std::min({blocked, bent, clear}), 1000);
+  }
+}
+
+/// A card over a pane hides a light from where the straight line meets the card, but the pane moves
+/// the way past its edge: there is light, and on the other side of the edge none.
+TEST(ClearGlass, ThePaneMovesTheShadowOfACard) {
+  constexpr double kThick = 0.5, kHeight = 4.0;
+  // Rays of a sun at 45 degrees are moved by the pane towards where they come from.
+  const double inside = std::asin(std::sin(0.25 * kPi) / 1.5);
+  const double moved = kThick * (1.0 - std::tan(inside));
+  for (const double beyond : {-0.05, 0.05}) {
+    Scene scene = floorAt(0.0f);
+    scene.materials.push_back(test::glass(true));
+    scene.materials.push_back(test::lambert(0.0f));
+    test::place(scene, test::pane(8.0f, 1.0f, static_cast<float>(kThick), 1));
+    Mesh card = test::sheet(1.0f, static_cast<float>(kHeight), 2);
+    // Its edge at -x ends the shadow at the floor's x = 0, pane included, plus `beyond`.
+    for (vec3& p : card.positions) p.x += static_cast<float>(kHeight - moved + 1.0 + beyond);
+    test::place(scene, card);
+    scene.lights = {test::sun(glm::normalize(vec3(-1.0f, -1.0f, 0.0f)), 3.0f)};
+    const float light = irradiance(scene).x;
+    if (beyond > 0.0) {
+      EXPECT_NEAR(light / (3.0f * std::sqrt(0.5f) *
+                           std::pow(1.0f - fresnelDielectric(std::sqrt(0.5f), 1.5f), 2.0f)),
+                  1.0f, 0.02f);
+    } else {
+      EXPECT_LT(light, 0.01f);
+    }
+  }
 }
 
 /// In a furnace glass can't be seen. Lamps are found by light sampling and by paths on every way
