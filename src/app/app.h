@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <string>
 
+#include "src/scene/import.h"
 #include "src/session/settings.h"
 
 namespace trex {
@@ -37,6 +38,9 @@ void parseSize(const std::string& text, std::uint32_t& width, std::uint32_t& hei
 std::uint64_t parseBytes(const std::string& text);
 /// RenderSettings::device of a number, "auto" or "none"; Error(kUsage) else.
 int parseDevice(const std::string& text);
+/// Adds what decides how a model is read: --strict, --unit, --up,
+/// --scene, --variant, --animation and --at.
+void addImportOptions(CLI::App& command, ImportOptions& options);
 /// Adds --photon-bounces.
 void addPhotonBounces(CLI::App& command, PhotonKind& kind);
 

@@ -36,6 +36,7 @@ struct BakeArguments {
   std::vector<std::string> volumes;
   int depth = 8, precision = 24, threads = 0;
   bool noVoxels = false, stream = false, resume = false, json = false;
+  ImportOptions import;  ///< without volumes, environment and the memory limit
 };
 
 /// Seconds by phase, for --json.
@@ -138,6 +139,7 @@ void report(const BakeArguments& a, const Model& model, const Phases& phases,
                                 {"triangles", mesh.triangles},
                                 {"unique_triangles", mesh.uniqueTriangles},
                                 {"instances", mesh.instances},
+                                {"replaced_parts", model.scene.replaced.count},
                                 {"voxel_depth", model.voxels ? model.voxels->info.depth : 0}};
   out.update(bytesByPart(sections));
   out.update(phases.json());
@@ -146,7 +148,7 @@ void report(const BakeArguments& a, const Model& model, const Phases& phases,
 }
 
 Scene import(const BakeArguments& a, std::vector<SourceFile>& files) {
-  ImportOptions options;
+  ImportOptions options = a.import;
   options.environmentGiven = !a.environment.empty();
   options.volumes = volumesOf(a);
   options.maxMemory = maxMemoryOf(a);
@@ -174,11 +176,20 @@ std::vector<bundle::Section> write(const BakeArguments& a, const Model& model,
   }
 }
 
-void bakeInMemory(const BakeArguments& a) {
+/// False, with nothing done, if it does not fit.
+bool bakeInMemory(const BakeArguments& a) {
   Phases phases;
   phases.next("import");
   std::vector<SourceFile> files;
   Scene scene = import(a, files);
+  std::uint64_t voxelBytes = 0;
+  try {
+    voxelBytes = voxelBudget(a, scene);
+  } catch (const Error& e) {
+    if (e.code() != ExitCode::kMemoryOrDevice) throw;
+    logInfo("{}: does not fit in memory as it is; baking it with --stream", a.input);
+    return false;
+  }
   logInfo("{}: {} triangles, {} unique; compressing{}", a.input, scene.triangleCount(),
           scene.uniqueTriangleCount(), a.noVoxels ? "" : " and voxelising");
   BakeFacts facts;
@@ -186,7 +197,7 @@ void bakeInMemory(const BakeArguments& a) {
   facts.requirements = bundle::requirementsOf(scene, !a.noVoxels);
   ModelOptions options;
   options.voxels = !a.noVoxels;
-  options.voxelBytes = voxelBudget(a, scene);
+  options.voxelBytes = voxelBytes;
   options.voxelDepth = facts.voxelDepth = a.depth;
   options.precisionBits = facts.precisionBits = a.precision;
   phases.next("build");
@@ -200,6 +211,7 @@ void bakeInMemory(const BakeArguments& a) {
   const std::vector<bundle::Section> sections = write(a, model, facts);
   phases.next("");
   report(a, model, phases, sections);
+  return true;
 }
 
 std::uint64_t allowedMemory(const BakeArguments& a) {
@@ -210,8 +222,9 @@ std::uint64_t allowedMemory(const BakeArguments& a) {
 /// Whether a model is baked as a stream: asked for, or its arrays and its build would not fit.
 bool wantsStream(const BakeArguments& a) {
   if (a.stream || a.resume) return true;
-  // Per triangle: arrays, and what the build holds beside them (preflight.cpp).
-  constexpr std::uint64_t kSynthBytes = 48 + 48 + 12, kFileBytes = 4;
+  // Per triangle: arrays, and what the build holds beside them (preflight.cpp). A byte of a binary
+  // file of positions becomes about six.
+  constexpr std::uint64_t kSynthBytes = 48 + 48 + 12, kFileBytes = 6;
   if (isSynthName(a.input)) {
     const std::uint64_t triangles = parseSynthName(a.input).triangles;
     constexpr std::uint64_t kMostInMemory = 2'000'000;
@@ -242,6 +255,7 @@ void reportStream(const BakeArguments& a, const StreamBakeResult& r, const Strea
                                 {"streamed", true},
                                 {"triangles", r.triangles},
                                 {"dropped_triangles", r.droppedTriangles},
+                                {"replaced_parts", r.replacedParts},
                                 {"clusters", r.clusters},
                                 {"pages", r.pages},
                                 {"buckets", r.buckets},
@@ -259,7 +273,7 @@ void reportStream(const BakeArguments& a, const StreamBakeResult& r, const Strea
 void bakeStreamed(const BakeArguments& a) {
   Phases phases;
   phases.next("import");
-  ImportOptions import;
+  ImportOptions import = a.import;
   import.environmentGiven = !a.environment.empty();
   import.maxMemory = maxMemoryOf(a);
   Scene volumes;
@@ -319,11 +333,7 @@ void bake(const BakeArguments& a) {
     limit.emplace(tbb::global_control::max_allowed_parallelism,
                   static_cast<std::size_t>(a.threads));
   }
-  if (wantsStream(a)) {
-    bakeStreamed(a);
-  } else {
-    bakeInMemory(a);
-  }
+  if (wantsStream(a) || !bakeInMemory(a)) bakeStreamed(a);
 }
 
 }  // namespace
@@ -343,6 +353,7 @@ void addBakeCommand(CLI::App& app) {
   c->add_option("--env", a->environment, kEnvironmentHelp);
   c->add_option("--volume", a->volumes, kVolumeHelp)->allow_extra_args(false);
   c->add_flag("--no-voxels", a->noVoxels, "Leave voxels out: every sample will be exact");
+  addImportOptions(*c, a->import);
   c->add_option("--max-memory", a->maxMemory, "Memory this process may use, such as 8G [all]");
   c->add_option("--threads", a->threads, "CPU threads [all]")->check(CLI::Range(1, 4096));
   c->add_flag("--stream", a->stream,

@@ -43,6 +43,7 @@ std::uint64_t jobKey(const RenderArguments& a, const Model& model, const std::ve
   // Of pages, cones read those that are there.
   if (s.maxGpuMemory > 0) text += fmt::format(" gpu {}", s.maxGpuMemory);
   if (s.transparent) text += " transparent";
+  text += a.import.key();
   if (!a.edits.empty()) text += fmt::format(" {:016x}", hashFile(a.edits));
   for (const std::string& volume : a.volumes) text += ' ' + volume;
   for (const std::string& layer : a.layers) text += ' ' + layer;
@@ -157,7 +158,8 @@ void Capture::save(Session& session, const View& view, bool report) {
         r.nonFinite, first.x, first.y, first.sample, a_.settings.seed);
   }
   if (a_.json) {
-    summaries_.push_back(summary(a_, view, session, importSeconds_, exposure));
+    summaries_.push_back(
+        summary(a_, view, session, model_->scene.replaced.count, importSeconds_, exposure));
   } else {
     fmt::print("{}\n", view.output);
     std::fflush(stdout);

@@ -126,6 +126,8 @@ void addScene(Json& out, const Scene& scene) {
   for (const Medium& m : scene.media) out["media"].push_back(describe(m));
   out["dropped_triangles"] = scene.droppedTriangles;
   out["warnings"] = scene.warnings;
+  out["replaced"] = scene.replaced.texts;
+  out["replaced_parts"] = scene.replaced.count;
 }
 
 Json sourcesOf(const fs::path& path, const std::vector<bundle::BakedFile>& files) {
@@ -193,7 +195,8 @@ void verifyPages(const hccm::PagedMesh& mesh) {
   }
 }
 
-Json describeBundle(const fs::path& path, const std::shared_ptr<const Bytes>& bytes, bool verify) {
+Json describeBundle(const fs::path& path, const std::shared_ptr<const Bytes>& bytes, bool verify,
+                    bool strict) {
   const bundle::Container container(*bytes, path.string());
   if (verify) container.verify();
   BundleContents contents = readBundle(*bytes, bytes, path.string());
@@ -201,6 +204,7 @@ Json describeBundle(const fs::path& path, const std::shared_ptr<const Bytes>& by
   if (contents.pageTable) attachPages(contents, kCache);
   if (verify && contents.parts.paged) verifyPages(*contents.parts.paged);
   const bundle::Description d = std::move(contents.description);
+  if (strict) refuseReplaced(d.scene);
   Json out = {{"kind", "bundle"},
               {"path", path.string()},
               {"bytes", bytes->size()},
@@ -226,8 +230,8 @@ Json describeBundle(const fs::path& path, const std::shared_ptr<const Bytes>& by
   return out;
 }
 
-Json describeModel(const fs::path& path) {
-  const Scene scene = importScene(path);
+Json describeModel(const fs::path& path, const ImportOptions& options) {
+  const Scene scene = importScene(path, options);
   const Box3d bounds = scene.bounds();
   Json sources = Json::array();
   for (const SourceFile& f : scene.files) {
@@ -266,11 +270,11 @@ bool startsWith(Bytes bytes, std::string_view magic) {
   return bytes.size() >= magic.size() && std::memcmp(bytes.data(), magic.data(), magic.size()) == 0;
 }
 
-Json describeFile(const fs::path& path, bool verify) {
+Json describeFile(const fs::path& path, bool verify, const ImportOptions& options) {
   if (isSynthName(path.string())) return describeSynth(path.string());
   const std::shared_ptr<const Bytes> bytes = mapFile(path);
   if (bundle::hasBundleMagic(*bytes) || isBundlePath(path)) {
-    return describeBundle(path, bytes, verify);
+    return describeBundle(path, bytes, verify, options.strict);
   }
   Json out = {{"kind", "hccmesh"}, {"path", path.string()}, {"bytes", bytes->size()}};
   try {
@@ -288,7 +292,7 @@ Json describeFile(const fs::path& path, bool verify) {
   } catch (const asvo::FormatError& e) {
     fail(ExitCode::kInput, "{}: {}", path.string(), e.what());
   }
-  return describeModel(path);
+  return describeModel(path, options);
 }
 
 std::string sizeOf(const Json& bytes) { return formatBytes(bytes.get<std::uint64_t>()); }
@@ -343,6 +347,7 @@ void printScene(const Json& d) {
     printBox(m);
   }
   for (const Json& w : d["warnings"]) line("warning", w.get<std::string>());
+  for (const Json& w : d["replaced"]) line("replaced", w.get<std::string>());
 }
 
 void printVoxels(const Json& v) {
@@ -412,15 +417,17 @@ void addInfoCommand(CLI::App& app) {
   struct Arguments {
     std::string file;
     bool verify = false, json = false;
+    ImportOptions import;
   };
   auto a = std::make_shared<Arguments>();
   CLI::App* c = app.add_subcommand("info", "Tell what is in a file, and check it");
   c->add_option("FILE", a->file, "Bundle, .hccm, .asvo, or model: .gltf .glb .ply .obj")
       ->required();
   c->add_flag("--verify", a->verify, "Check every byte of a bundle");
+  addImportOptions(*c, a->import);
   c->add_flag("--json", a->json, "Print JSON on stdout");
   c->callback([a] {
-    const Json out = describeFile(a->file, a->verify);
+    const Json out = describeFile(a->file, a->verify, a->import);
     if (a->json) {
       fmt::print("{}\n", out.dump(2, ' ', false, Json::error_handler_t::replace));
     } else {

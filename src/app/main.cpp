@@ -1,8 +1,11 @@
 // trex: command line, exit codes, and the last stop of every error.
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <new>
+#include <string>
+#include <vector>
 
 #include "src/app/app.h"
 #include "src/core/error.h"
@@ -39,8 +42,15 @@ int run(int argc, char** argv) {
   trex::addMergeCommand(app);
   trex::addExportVdbCommand(app);
   trex::addBenchCommand(app, exitCode);
+  // As CLI11 wants them: from the last to the first.
+  std::vector<std::string> arguments(argv + 1, argv + argc);
+  std::reverse(arguments.begin(), arguments.end());
+  if (!arguments.empty() && arguments.back() == "help") {
+    arguments.pop_back();
+    arguments.insert(arguments.end() - (arguments.empty() ? 0 : 1), "--help");
+  }
   try {
-    app.parse(argc, argv);
+    app.parse(std::move(arguments));
   } catch (const CLI::ParseError& e) {
     if (e.get_exit_code() == static_cast<int>(CLI::ExitCodes::Success)) return app.exit(e);
     const bool unknown = app.get_subcommands().empty() && argc > 1 && argv[1][0] != '-';

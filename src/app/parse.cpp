@@ -57,6 +57,28 @@ int parseDevice(const std::string& text) {
   return static_cast<int>(number);
 }
 
+void addImportOptions(CLI::App& command, ImportOptions& options) {
+  command.add_option_function<std::string>(
+      "--unit", [&options](const std::string& text) { options.unit = parseUnit(text); },
+      "Of the numbers of a .ply, .obj or .stl: mm, cm, m, in, ft or metres [m]");
+  command
+      .add_option_function<std::string>(
+          "--up", [&options](const std::string& axis) { options.zUp = axis == "z"; },
+          "Axis that points up in a .ply, .obj or .stl: y or z [y]")
+      ->check(CLI::IsMember({"y", "z"}));
+  command.add_option("--scene", options.scene, "Scene of a glTF: name or number [its default]");
+  command.add_option("--variant", options.variant,
+                     "Variant of a glTF's materials (KHR_materials_variants): name or number");
+  command.add_option("--animation", options.animation,
+                     "Animation of a glTF, by name or number [the rest pose]");
+  command.add_option("--at", options.atSeconds, "Seconds into --animation")
+      ->check(CLI::Range(-1e9, 1e9))
+      ->capture_default_str();
+  command.add_flag("--strict", options.strict,
+                   "A part of the model that can't be shown as it is (a missing texture, a broken "
+                   "index) is an error, not a warning");
+}
+
 void addPhotonBounces(CLI::App& command, PhotonKind& kind) {
   const auto set = [&kind](const std::string& name) {
     kind = name == "ray"     ? PhotonKind::kRay

@@ -80,6 +80,7 @@ int render(RenderArguments& a) {
   OpenOptions open;
   open.useStale = a.stale == "use";
   if (!a.environment.empty()) open.environment = parseEnvironment(a.environment);
+  open.import = a.import;
   for (const std::string& v : a.volumes) open.import.volumes.push_back(parseVolume(v));
   open.import.maxMemory = a.settings.maxMemory;
   open.model.voxels = a.settings.exact < 1.0;
@@ -158,6 +159,7 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
   c->add_option("--edits", a->edits, "Edits saved by the viewer, a JSON overlay on the scene");
   c->add_option("--env", a->environment, kEnvironmentHelp);
   c->add_option("--volume", a->volumes, kVolumeHelp)->allow_extra_args(false);
+  addImportOptions(*c, a->import);
   c->add_option("--device", a->device, "Vulkan device of the G-rays: number, auto or none")
       ->capture_default_str();
   c->add_option("--guess", a->guess, "Guess of far, wide rays: auto, ray or cone")
@@ -168,7 +170,8 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
   c->add_option("--aov", a->layers,
                 "Layers of an .exr besides R, G, B: A,direct,indirect,albedo,normal,position,depth,"
                 "objectId,materialId,sampleCount,variance or all")
-      ->delimiter(',');
+      ->delimiter(',')
+      ->allow_extra_args(false);
   c->add_option("--denoise", a->denoise,
                 "Filter the guess and its correction: auto (with --exact below 1), off")
       ->check(CLI::IsMember({"auto", "off"}))

@@ -71,7 +71,8 @@ std::vector<View> makeViews(const RenderArguments& a, const Scene& scene,
   if (!a.path.empty()) {
     cameras = readCameraPath(a.path, scene);
   } else if (a.cameras.empty()) {
-    cameras.push_back(look ? look->camera : scene.cameras.front());
+    cameras.push_back(look ? look->camera
+                           : framedFor(scene.cameras.front(), a.settings.width, a.settings.height));
   } else if (a.cameras.size() == 1 && a.cameras.front() == "all") {
     cameras = scene.cameras;
   } else {

@@ -7,6 +7,7 @@
 
 #include "src/frame/image_file.h"
 #include "src/frame/layers.h"
+#include "src/scene/import.h"
 #include "src/scene/look.h"
 #include "src/session/settings.h"
 
@@ -31,6 +32,7 @@ struct RenderArguments {
   RenderSettings settings;
   int threads = 0;
   bool json = false;
+  ImportOptions import;  ///< without volumes and the memory limit
 };
 
 /// Fills the settings from the texts. Throws Error(kUsage).

@@ -26,7 +26,7 @@ bool filtered(const RenderSettings& s) { return s.denoise && s.exact < 1.0; }
 }  // namespace
 
 nlohmann::json summary(const RenderArguments& a, const View& view, const Session& session,
-                       double importSeconds, float exposure) {
+                       std::uint64_t replacedParts, double importSeconds, float exposure) {
   const SessionReport r = session.report();
   const double error = session.estimatedError();
   nlohmann::json out = {
@@ -44,6 +44,7 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
       {"triangles", r.mesh.triangles},
       {"unique_triangles", r.mesh.uniqueTriangles},
       {"instances", r.mesh.instances},
+      {"replaced_parts", replacedParts},
       {"import_seconds", importSeconds},
       {"mesh_build_seconds", r.meshSeconds},
       {"voxel_build_seconds", r.voxelSeconds},

@@ -9,7 +9,7 @@
 namespace trex {
 
 nlohmann::json summary(const RenderArguments& a, const View& view, const Session& session,
-                       double importSeconds, float exposure);
+                       std::uint64_t replacedParts, double importSeconds, float exposure);
 
 /// Adds version, scene, camera, samples, seed, settings, device and count of non-finite samples as
 /// "trex:KEY" attributes. They are the same for equal renders.

@@ -13,7 +13,7 @@
 
 namespace trex::bundle {
 
-inline constexpr int kSceneVersion = 1;
+inline constexpr int kSceneVersion = 2;
 
 /// A file that the bundle was baked from.
 struct BakedFile {

@@ -30,6 +30,10 @@ Description describe(const Scene& scene, const MadeParts& parts, const BakeFacts
   d.scene.instances = scene.instances;
   d.scene.droppedTriangles = scene.droppedTriangles;
   for (const std::string& w : scene.warnings) d.scene.warnings.push_back(withoutFolder(w, folder));
+  d.scene.replaced.count = scene.replaced.count;
+  for (const std::string& text : scene.replaced.texts) {
+    d.scene.replaced.texts.push_back(withoutFolder(text, folder));
+  }
   for (const Image& image : scene.images) {
     Image size;
     size.name = withoutFolder(image.name, folder);

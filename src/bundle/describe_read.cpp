@@ -24,13 +24,14 @@ Texture readTexture(const JsonObject& material, const char* key, std::size_t ima
   Texture t;
   if (!material.has(key)) return t;
   const JsonObject o = material.object(key);
-  o.allow({"image", "wrap_s", "wrap_t", "offset", "scale", "rotation"});
+  o.allow({"image", "wrap_s", "wrap_t", "offset", "scale", "rotation", "nearest"});
   t.image = static_cast<int>(o.index("image", images));
   t.wrapS = static_cast<Texture::Wrap>(o.oneOf("wrap_s", {"repeat", "mirror", "clamp"}));
   t.wrapT = static_cast<Texture::Wrap>(o.oneOf("wrap_t", {"repeat", "mirror", "clamp"}));
   o.reals("offset", &t.offset[0], 2);
   o.reals("scale", &t.scale[0], 2);
   t.rotation = o.real("rotation");
+  t.nearest = o.has("nearest") && o.boolean("nearest");
   return t;
 }
 
@@ -192,6 +193,9 @@ void readPlacements(const JsonObject& root, Description& d) {
 void readScene(const JsonObject& root, Description& d) {
   Scene& s = d.scene;
   s.warnings = texts(root, "warnings");
+  s.replaced.texts = texts(root, "replaced");
+  s.replaced.count = root.integer("replaced_parts", s.replaced.texts.size(), ~std::uint64_t{0});
+  if (s.replaced.count > 0 && s.replaced.texts.empty()) root.bad("replaced", "is empty");
   s.objects = texts(root, "objects");
   s.droppedTriangles = root.integer("dropped_triangles", 0, ~std::uint64_t{0});
   forEach(root, "cameras", [&](const JsonObject& o) { s.cameras.push_back(readCameraJson(o)); });
@@ -222,10 +226,11 @@ Description read(const JsonObject& root) {
   root.allow({"trex",          "baked_by",       "input",
               "sources",       "precision_bits", "voxel_depth",
               "requirements",  "warnings",       "dropped_triangles",
-              "render_origin", "cameras",        "lights",
-              "environment",   "images",         "materials",
-              "meshes",        "shared_meshes",  "objects",
-              "instances",     "placements",     "media"});
+              "replaced",      "replaced_parts", "render_origin",
+              "cameras",       "lights",         "environment",
+              "images",        "materials",      "meshes",
+              "shared_meshes", "objects",        "instances",
+              "placements",    "media"});
   Description d;
   d.bakedBy = root.text("baked_by");
   d.input = root.text("input");

@@ -38,6 +38,7 @@ void put(Json& out, const char* key, const Texture& t) {
   out[key] = {{"image", t.image},           {"wrap_s", nameOf(t.wrapS)},
               {"wrap_t", nameOf(t.wrapT)},  {"offset", jsonList(t.offset)},
               {"scale", jsonList(t.scale)}, {"rotation", t.rotation}};
+  if (t.nearest) out[key]["nearest"] = true;
 }
 
 Json toJson(const Material& m) {
@@ -127,6 +128,8 @@ std::string writeDescription(const Description& d) {
               {"voxel_depth", d.voxelDepth},
               {"requirements", each(d.requirements, plain)},
               {"warnings", scene.warnings},
+              {"replaced", scene.replaced.texts},
+              {"replaced_parts", scene.replaced.count},
               {"dropped_triangles", scene.droppedTriangles},
               {"render_origin", jsonList(d.renderOrigin)},
               {"cameras", each(scene.cameras, plain)},

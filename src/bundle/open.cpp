@@ -243,7 +243,7 @@ Model openBundle(const fs::path& path, const OpenOptions& options) {
   checkSources(path, contents.description, options.useStale);
   Scene& scene = contents.description.scene;
   if (options.environment) scene.environment = *options.environment;
-  for (const std::string& w : scene.warnings) logWarning("{}", w);
+  tellReplaced(scene, options.import.strict);
   noteVoxels(path, contents, options.model);
   scene.files = {examineSource(path)};
   addVolumes(scene, options.import.volumes, options.import.maxMemory);

@@ -69,8 +69,9 @@ class Source : public hccm::StreamSource {
 /// What decides the pages, besides the program's version.
 std::string keyOf(const TriangleStream& stream, const StreamBakeOptions& options,
                   std::uint64_t buildBytes) {
-  return fmt::format("trex {} pages {} | {} | precision {} | build {}", kVersion,
-                     hccm::kPageTableVersion, stream.key(), options.precisionBits, buildBytes);
+  return fmt::format("trex {} scene {} pages {} | {} | precision {} | build {}", kVersion,
+                     bundle::kSceneVersion, hccm::kPageTableVersion, stream.key(),
+                     options.precisionBits, buildBytes);
 }
 
 std::uint64_t buildBytesFor(const StreamBakeOptions& options, std::uint64_t resident) {
@@ -166,8 +167,9 @@ class StreamBake {
     scene_.media.insert(scene_.media.end(), options_.media.begin(), options_.media.end());
     scene_.droppedTriangles += spill_.nonFinite;
     if (spill_.nonFinite > 0) {
-      scene_.warnings.push_back(
-          fmt::format("{} triangles with non-finite vertices dropped", spill_.nonFinite));
+      scene_.replaced.add(fmt::format("{}: {} triangles with non-finite vertices dropped",
+                                      scene_.source, spill_.nonFinite),
+                          spill_.nonFinite);
     }
     if (spill_.kept == 0) {
       fail(ExitCode::kInput, "{}: no triangle to render ({} given: {} not finite, {} without area)",
@@ -286,6 +288,7 @@ class StreamBake {
     out_.reset();
     result_.triangles = table_.triangles;
     result_.droppedTriangles = table_.droppedTriangles;
+    result_.replacedParts = scene_.replaced.count;
     result_.pages = table_.pages.size();
     result_.clusters = table_.clusters();
   }

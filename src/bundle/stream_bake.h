@@ -47,7 +47,7 @@ StreamEstimate estimateStreamBake(const TriangleStream& stream, const StreamBake
 
 struct StreamBakeResult {
   std::vector<bundle::Section> sections;
-  std::uint64_t triangles = 0, droppedTriangles = 0, pages = 0, clusters = 0;
+  std::uint64_t triangles = 0, droppedTriangles = 0, replacedParts = 0, pages = 0, clusters = 0;
   std::uint64_t bucketsReused = 0, buckets = 0;
   int voxelDepth = 0;
   double spillSeconds = 0.0, meshSeconds = 0.0, voxelSeconds = 0.0;

@@ -148,8 +148,12 @@ Surface makeSurface(const hccm::Triangle& triangle, const Placement& placement, 
   s.texCoord = weights.x * triangle.texCoord[0] + weights.y * triangle.texCoord[1] +
                weights.z * triangle.texCoord[2];
   if (triangle.hasTexCoords) tangents(e1, e2, triangle, shading, s);
-  s.color =
-      weights.x * triangle.color[0] + weights.y * triangle.color[1] + weights.z * triangle.color[2];
+  s.color = vec4(1.0f);
+  if (triangle.hasColors) {
+    s.color = weights.x * unpackVertexColor(triangle.color[0]) +
+              weights.y * unpackVertexColor(triangle.color[1]) +
+              weights.z * unpackVertexColor(triangle.color[2]);
+  }
   s.material = triangle.material;
   s.object =
       placement.object != kNone ? static_cast<std::uint32_t>(placement.object) : triangle.object;

@@ -162,6 +162,15 @@ Camera framingCamera(const Box3d& bounds) {
   camera.eye = centre + distance * towardsEye;
   camera.verticalFov = fov;
   camera.name = "framing";
+  camera.framing = true;
+  return camera;
+}
+
+Camera framedFor(Camera camera, std::uint32_t width, std::uint32_t height) {
+  if (!camera.framing || width >= height || camera.orthographic) return camera;
+  const double taller = static_cast<double>(height) / width;
+  camera.verticalFov =
+      static_cast<float>(2.0 * std::atan(taller * std::tan(0.5 * double{camera.verticalFov})));
   return camera;
 }
 

@@ -1,8 +1,11 @@
 // glTF 2.0: the file, its nodes, cameras and lights.
 #include <algorithm>
 #include <glm/gtc/quaternion.hpp>
+#include <optional>
 
+#include "src/scene/gltf_compressed.h"
 #include "src/scene/gltf_detail.h"
+#include "src/scene/gltf_pose.h"
 #include "src/scene/image_io.h"
 
 namespace trex::detail {
@@ -11,11 +14,49 @@ namespace {
 /// JSON nested deeper than this would exhaust the stack of a recursive reader.
 constexpr int kMaxJsonDepth = 100;
 
-const std::set<std::string> kSupported = {
-    "KHR_lights_punctual", "KHR_materials_emissive_strength", "KHR_materials_specular",
-    "KHR_materials_ior",   "KHR_materials_transmission",      "KHR_materials_volume",
-    "KHR_materials_unlit", "KHR_texture_transform",           "KHR_mesh_quantization",
-    "EXT_texture_webp"};
+const std::set<std::string> kSupported = {"KHR_lights_punctual",
+                                          "KHR_materials_emissive_strength",
+                                          "KHR_materials_specular",
+                                          "KHR_materials_ior",
+                                          "KHR_materials_transmission",
+                                          "KHR_materials_volume",
+                                          "KHR_materials_unlit",
+                                          "KHR_texture_transform",
+                                          "KHR_mesh_quantization",
+                                          "EXT_texture_webp",
+                                          "EXT_mesh_gpu_instancing",
+                                          "EXT_meshopt_compression",
+                                          "KHR_materials_variants",
+                                          "KHR_draco_mesh_compression",
+                                          "KHR_materials_pbrSpecularGlossiness"};
+
+/// Extensions without which the geometry is what it is: how a surface looks, and what is no part of
+/// a picture.
+bool isHarmless(const std::string& name) {
+  for (const char* start : {"KHR_materials_",
+                            "KHR_texture_",
+                            "EXT_texture_",
+                            "MSFT_texture_",
+                            "KHR_xmp",
+                            "KHR_animation_",
+                            "KHR_audio",
+                            "KHR_interactivity",
+                            "KHR_physics",
+                            "KHR_techniques",
+                            "EXT_lights_",
+                            "EXT_materials_",
+                            "ADOBE_materials_",
+                            "MSFT_lod",
+                            "MSFT_packing",
+                            "AGI_",
+                            "EXT_mesh_features",
+                            "EXT_structural_metadata",
+                            "KHR_node_selectability",
+                            "KHR_node_hoverability"}) {
+    if (name.starts_with(start)) return true;
+  }
+  return false;
+}
 
 std::uint32_t word(const std::vector<std::uint8_t>& bytes, std::size_t at) {
   return bytes[at] | bytes[at + 1] << 8 | bytes[at + 2] << 16 |
@@ -99,10 +140,10 @@ bool keepEncoded(tinygltf::Image* image, const int, std::string*, std::string*, 
 }
 
 void parse(GltfContext& context) {
-  const std::vector<std::uint8_t> bytes =
-      readWholeFile(context.path, "model", std::uint64_t(1) << 32);
+  std::vector<std::uint8_t> bytes = readWholeFile(context.path, "model", std::uint64_t(1) << 32);
   const std::string_view json = jsonOf(context, bytes);
   checkDepth(context, json);
+  if (auto plain = readableForm(bytes, json); !plain.empty()) bytes = std::move(plain);
   tinygltf::TinyGLTF loader;
   loader.SetFsCallbacks({&fileExists, &samePath, &readFile, &writeNothing, &context.scene});
   loader.SetImageLoader(&keepEncoded, nullptr);
@@ -122,8 +163,13 @@ void parse(GltfContext& context) {
     error = e.what();
   }
   if (!good) context.bad("not valid glTF: {}", oneLine(error.empty() ? "unknown" : error));
-  // tinygltf goes on after some errors, with a part of the file missing.
-  if (!error.empty()) context.warn("{}", oneLine(error));
+  // tinygltf goes on after some errors, with a part of the file missing. One is none: a skin may
+  // leave these matrices out.
+  const std::string allowed = "'inverseBindMatrices' property is missing in Skin.\n";
+  for (auto at = error.find(allowed); at != error.npos; at = error.find(allowed)) {
+    error.erase(at, allowed.size());
+  }
+  if (!error.empty()) context.replace("{}; that part is left out", oneLine(error));
   if (!warning.empty()) context.warn("{}", oneLine(warning));
 }
 
@@ -133,9 +179,11 @@ void checkVersionAndExtensions(GltfContext& context) {
     context.bad("glTF version {} can't be read, only 2.x", model.asset.version);
   }
   for (const std::string& name : model.extensionsRequired) {
-    if (!kSupported.contains(name)) {
-      context.bad("requires the extension {}, which is not supported", name);
+    if (kSupported.contains(name)) continue;
+    if (!isHarmless(name)) {
+      context.bad("requires the extension {}, which is not supported; export it without", name);
     }
+    context.replace("requires the extension {}, which is not shown", name);
   }
   for (const std::string& name : model.extensionsUsed) {
     if (!kSupported.contains(name)) context.warn("the extension {} is ignored", name);
@@ -158,26 +206,15 @@ class NodeReader {
       : context_(context),
         materials_(context),
         meshes_(context, materials_),
-        visited_(context.model.nodes.size()) {}
+        pose_(context),
+        visited_(context.model.nodes.size()),
+        world_(context.model.nodes.size(), dmat4(1.0)) {}
 
   void read() {
     nameObjects();
-    std::vector<std::pair<int, dmat4>> open;  // a stack: hostile trees may be deep
-    const std::vector<int> roots = rootNodes();
-    for (auto it = roots.rbegin(); it != roots.rend(); ++it) open.emplace_back(*it, dmat4(1.0));
-    while (!open.empty()) {
-      const auto [index, parent] = open.back();
-      open.pop_back();
-      const tinygltf::Node& node = nodeAt(index);
-      const dmat4 world = parent * localTransform(node, index);
-      if (!isFiniteMatrix(world)) {
-        context_.bad("node {} ('{}'): its transform is not finite", index, node.name);
-      }
-      readNode(node, index, world);
-      for (auto it = node.children.rbegin(); it != node.children.rend(); ++it) {
-        open.emplace_back(*it, world);
-      }
-    }
+    // Skins ask for the transforms of other nodes, so these come first.
+    const std::vector<int> order = placeNodes();
+    for (const int index : order) readNode(context_.model.nodes[index], index, world_[index]);
     materials_.loadImages();
     if (context_.scene.materials.empty()) context_.scene.materials.emplace_back();
   }
@@ -191,14 +228,28 @@ class NodeReader {
     }
   }
 
-  std::vector<int> rootNodes() const {
+  std::vector<int> rootNodes() {
     const tinygltf::Model& model = context_.model;
+    const std::string& wanted = context_.options.scene;
+    for (std::size_t i = 0; !wanted.empty() && i < model.scenes.size(); ++i) {
+      if (model.scenes[i].name == wanted || std::to_string(i) == wanted) {
+        return model.scenes[i].nodes;
+      }
+    }
+    if (!wanted.empty()) {
+      std::string names;
+      for (std::size_t i = 0; i < std::min<std::size_t>(model.scenes.size(), 20); ++i) {
+        names += (i > 0 ? ", " : "") + fmt::format("{} '{}'", i, model.scenes[i].name);
+      }
+      fail(ExitCode::kUsage, "{}: has no scene '{}'; it has {}", context_.name, wanted,
+           names.empty() ? "none" : names);
+    }
     if (!model.scenes.empty()) {
       const int index = std::max(model.defaultScene, 0);
-      if (std::size_t(index) >= model.scenes.size()) {
-        context_.bad("scene {} does not exist; there are {}", index, model.scenes.size());
-      }
-      return model.scenes[index].nodes;
+      if (std::size_t(index) < model.scenes.size()) return model.scenes[index].nodes;
+      context_.replace("scene {} does not exist; there are {}; scene 0 is shown", index,
+                       model.scenes.size());
+      return model.scenes[0].nodes;
     }
     std::vector<bool> isChild(model.nodes.size());
     for (const tinygltf::Node& node : model.nodes) {
@@ -213,55 +264,115 @@ class NodeReader {
     return roots;
   }
 
-  const tinygltf::Node& nodeAt(int index) {
-    if (index < 0 || std::size_t(index) >= visited_.size()) {
-      context_.bad("node {} does not exist; there are {}", index, visited_.size());
+  /// Fills `world_`; returns the nodes of the scene in their order.
+  std::vector<int> placeNodes() {
+    std::vector<int> order;
+    std::vector<std::pair<int, dmat4>> open;  // a stack: hostile trees may be deep
+    const std::vector<int> roots = rootNodes();
+    for (auto it = roots.rbegin(); it != roots.rend(); ++it) open.emplace_back(*it, dmat4(1.0));
+    while (!open.empty()) {
+      const auto [index, parent] = open.back();
+      open.pop_back();
+      if (!visit(index)) continue;
+      const tinygltf::Node& node = context_.model.nodes[index];
+      const dmat4 world = parent * pose_.local(index);
+      if (!isFiniteMatrix(world)) {
+        context_.replace("node {} ('{}'): its transform is not finite; it is left out", index,
+                         node.name);
+        continue;
+      }
+      world_[index] = world;
+      order.push_back(index);
+      for (auto it = node.children.rbegin(); it != node.children.rend(); ++it) {
+        open.emplace_back(*it, world);
+      }
     }
-    if (visited_[index]) context_.bad("node {} has two parents or is its own ancestor", index);
-    visited_[index] = true;
-    return context_.model.nodes[index];
+    return order;
   }
 
-  dmat4 localTransform(const tinygltf::Node& node, int index) const {
-    const auto sized = [&](const std::vector<double>& v, std::size_t size, const char* what) {
-      if (!v.empty() && v.size() != size) {
-        context_.bad("node {} ('{}'): {} must have {} numbers", index, node.name, what, size);
-      }
-      return !v.empty();
-    };
-    dmat4 m(1.0);
-    if (sized(node.matrix, 16, "matrix")) {
-      for (int i = 0; i < 16; ++i) m[i / 4][i % 4] = node.matrix[i];
-      // The last row of an affine matrix; anything else would divide by w.
-      if (m[0][3] != 0.0 || m[1][3] != 0.0 || m[2][3] != 0.0 || m[3][3] != 1.0) {
-        context_.bad("node {} ('{}'): its matrix is not affine", index, node.name);
-      }
-      return m;
+  /// Whether a node is there and was not shown before.
+  bool visit(int index) {
+    if (index < 0 || std::size_t(index) >= visited_.size()) {
+      context_.replace("node {} does not exist; there are {}; it is left out", index,
+                       visited_.size());
+      return false;
     }
-    if (sized(node.rotation, 4, "rotation")) {
-      const glm::dquat q(node.rotation[3], node.rotation[0], node.rotation[1], node.rotation[2]);
-      m = glm::mat4_cast(q / glm::length(q));
+    if (visited_[index]) {
+      context_.replace("node {} has two parents or is its own ancestor; it is shown once", index);
+      return false;
     }
-    if (sized(node.scale, 3, "scale")) {
-      for (int k = 0; k < 3; ++k) m[k] *= node.scale[k];
-    }
-    if (sized(node.translation, 3, "translation")) {
-      for (int k = 0; k < 3; ++k) m[3][k] = node.translation[k];
-    }
-    return m;
+    visited_[index] = true;
+    return true;
   }
 
   void readNode(const tinygltf::Node& node, int index, const dmat4& world) {
-    if (node.skin >= 0) context_.warn("skins are ignored");
-    if (node.mesh >= 0) {
-      for (const int mesh : meshes_.use(node.mesh)) place(mesh, index, world);
-    }
-    if (node.camera >= 0) readCamera(node, world);
+    if (node.mesh >= 0) readMesh(node, index, world);
+    if (node.camera >= 0) context_.attempt(kLeftOut, [&] { readCamera(node, world); });
     if (node.extras.IsObject() && node.extras.Has("trex_volume")) {
-      readVolume(node.extras.Get("trex_volume"), index, world);
+      context_.attempt(kLeftOut, [&] { readVolume(node.extras.Get("trex_volume"), index, world); });
     }
     const auto light = node.extensions.find("KHR_lights_punctual");
-    if (light != node.extensions.end()) readLight(node, index, light->second, world);
+    if (light == node.extensions.end()) return;
+    context_.attempt(kLeftOut, [&] { readLight(node, index, light->second, world); });
+  }
+
+  void readMesh(const tinygltf::Node& node, int index, const dmat4& world) {
+    GltfDeformation deformation;
+    deformation.weights = pose_.weights(index);
+    if (node.skin >= 0) {
+      context_.attempt("the mesh is shown unbent",
+                       [&] { deformation.joints = skinMatrices(context_, node.skin, world_); });
+    }
+    // The joints place a skinned mesh; its node does not.
+    const dmat4 placed = deformation.joints.empty() ? world : dmat4(1.0);
+    const std::vector<int> meshes = meshes_.use(node.mesh, deformation);
+    const auto instances = node.extensions.find("EXT_mesh_gpu_instancing");
+    if (instances != node.extensions.end() && context_.attempt("one is shown", [&] {
+          for (const dmat4& m : readInstances(instances->second)) {
+            for (const int mesh : meshes) place(mesh, index, placed * m);
+          }
+        })) {
+      return;
+    }
+    for (const int mesh : meshes) place(mesh, index, placed);
+  }
+
+  /// Transforms of EXT_mesh_gpu_instancing, from the instance to the node.
+  std::vector<dmat4> readInstances(const tinygltf::Value& extension) {
+    std::array<std::optional<GltfAccessor>, 3> values;
+    constexpr std::array<const char*, 3> kNames = {"TRANSLATION", "ROTATION", "SCALE"};
+    std::uint64_t count = 0;
+    const bool given = extension.IsObject() && extension.Has("attributes") &&
+                       extension.Get("attributes").IsObject();
+    for (std::size_t k = 0; given && k < 3; ++k) {
+      const tinygltf::Value& attributes = extension.Get("attributes");
+      if (!attributes.Has(kNames[k]) || !attributes.Get(kNames[k]).IsNumber()) continue;
+      values[k].emplace(context_, indexOf(attributes.Get(kNames[k])));
+      if (values[k]->components() != (k == 1 ? 4 : 3)) {
+        context_.bad("EXT_mesh_gpu_instancing: {} has the wrong type", kNames[k]);
+      }
+      if (count > 0 && values[k]->count() != count) {
+        context_.bad("EXT_mesh_gpu_instancing: its attributes differ in their counts");
+      }
+      count = values[k]->count();
+    }
+    constexpr std::uint64_t kMostInstances = 50'000'000;
+    if (count == 0 || count > kMostInstances) {
+      context_.bad("EXT_mesh_gpu_instancing: {} instances are not possible", count);
+    }
+    std::vector<dmat4> out(count, dmat4(1.0));
+    for (std::uint64_t i = 0; i < count; ++i) {
+      const auto at = [&](int k, int c) { return double{values[k]->value(i, c)}; };
+      dmat4& m = out[i];
+      if (values[1]) {
+        const glm::dquat q(at(1, 3), at(1, 0), at(1, 1), at(1, 2));
+        if (glm::length(q) > 0.0) m = glm::mat4_cast(glm::normalize(q));
+      }
+      for (int c = 0; values[2] && c < 3; ++c) m[c] *= at(2, c);
+      for (int c = 0; values[0] && c < 3; ++c) m[3][c] = at(0, c);
+      if (!isFiniteMatrix(m)) context_.bad("EXT_mesh_gpu_instancing: instance {} is not finite", i);
+    }
+    return out;
   }
 
   void place(int mesh, int node, const dmat4& world) {
@@ -362,8 +473,8 @@ class NodeReader {
     to.intensity = color * static_cast<float>(from.intensity);
     for (int k = 0; k < 3; ++k) {
       if (to.intensity[k] >= 0.0f && std::isfinite(to.intensity[k])) continue;
-      context_.warn("light {} ('{}'): negative or non-finite intensity set to 0", number,
-                    from.name);
+      context_.replace("light {} ('{}'): negative or non-finite intensity; 0 is used", number,
+                       from.name);
       to.intensity[k] = 0.0f;
     }
     if (from.range > 0.0) to.range = static_cast<float>(from.range);
@@ -403,7 +514,8 @@ class NodeReader {
     const double outer = std::clamp(from.spot.outerConeAngle, 1e-4, 0.5 * std::numbers::pi);
     const double inner = std::clamp(from.spot.innerConeAngle, 0.0, outer);
     if (outer != from.spot.outerConeAngle || inner != from.spot.innerConeAngle) {
-      context_.warn("light '{}': cone angles out of range were clamped", from.name);
+      context_.replace("light '{}': cone angles out of range; the nearest in it are used",
+                       from.name);
     }
     to.outerConeAngle = static_cast<float>(outer);
     to.innerConeAngle = static_cast<float>(inner);
@@ -412,7 +524,9 @@ class NodeReader {
   GltfContext& context_;
   GltfMaterials materials_;
   GltfMeshes meshes_;
+  GltfPose pose_;
   std::vector<bool> visited_;
+  std::vector<dmat4> world_;  ///< from each node of the scene
 };
 
 }  // namespace
@@ -424,6 +538,7 @@ Scene readGltf(const std::filesystem::path& path, const ImportOptions& options) 
   context.options = options;
   parse(context);
   checkVersionAndExtensions(context);
+  decodeMeshopt(context);
   NodeReader(context).read();
   return std::move(context.scene);
 }

@@ -8,16 +8,21 @@
 #define TINYGLTF_NO_EXTERNAL_IMAGE
 #include <tiny_gltf.h>
 
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <map>
 #include <set>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "src/scene/import_detail.h"
 
 namespace trex::detail {
+
+/// What is shown instead of a broken part: nothing.
+inline constexpr const char* kLeftOut = "it is left out";
 
 /// What all parts of the reader need: the parsed file and where messages go.
 struct GltfContext {
@@ -31,6 +36,24 @@ struct GltfContext {
   template <typename... Args>
   [[noreturn]] void bad(fmt::format_string<Args...> format, Args&&... args) const {
     fail(ExitCode::kInput, "{}: {}", name, fmt::format(format, std::forward<Args>(args)...));
+  }
+  /// Notes a part that is not shown as the file has it.
+  template <typename... Args>
+  void replace(fmt::format_string<Args...> format, Args&&... args) {
+    scene.replaced.add(name + ": " + fmt::format(format, std::forward<Args>(args)...));
+  }
+  /// Does something with a part of the file; if it is broken, says so and that `instead`. False
+  /// then.
+  template <typename Use>
+  bool attempt(const std::string& instead, Use use) {
+    try {
+      use();
+      return true;
+    } catch (const Error& e) {
+      if (e.code() != ExitCode::kInput) throw;
+      scene.replaced.add(fmt::format("{}; {}", e.what(), instead));
+      return false;
+    }
   }
   template <typename... Args>
   void warn(fmt::format_string<Args...> format, Args&&... args) {
@@ -58,6 +81,8 @@ class GltfAccessor {
   int components() const { return components_; }
   int componentType() const { return componentType_; }
   bool normalized() const { return normalized_; }
+  /// Makes integers count as normalized.
+  void normalize() { normalized_ = true; }
 
   /// One value as float; integers are scaled to [0, 1] or [-1, 1] if the accessor is normalized.
   float value(std::uint64_t element, int component) const;
@@ -87,8 +112,22 @@ class GltfMaterials {
   /// material converts it.
   int use(int gltfMaterial);
 
-  /// The texture coordinate set that the textures of a material read; -1 if it has none.
-  int texCoordSet(int sceneMaterial) const { return texCoordSets_[sceneMaterial]; }
+  /// The texture coordinate set of each of Material::textures(); -1 if it has none.
+  using Sets = std::array<int, 7>;
+  const Sets& texCoordSets(int sceneMaterial) const { return texCoordSets_[sceneMaterial]; }
+  /// The set that meshes keep: that of the first texture; -1 if there is none.
+  int texCoordSet(int sceneMaterial) const;
+  /// The material with textures of other sets reading `mainSet` instead: coordinates of set k are
+  /// scale * main + offset, of maps[k].
+  struct SetMap {
+    vec2 scale{1.0f}, offset{0.0f};
+    auto operator<=>(const SetMap& o) const {
+      return std::tie(scale.x, scale.y, offset.x, offset.y) <=>
+             std::tie(o.scale.x, o.scale.y, o.offset.x, o.offset.y);
+    }
+    bool operator==(const SetMap&) const = default;
+  };
+  int onOneSet(int sceneMaterial, const std::map<int, SetMap>& maps);
 
   /// Decodes all images that used materials refer to.
   void loadImages();
@@ -101,8 +140,21 @@ class GltfMaterials {
 
   void convert(int index);
   void convertExtensions(const tinygltf::Material& from, Material& to);
-  Texture texture(int index, int texCoord, const tinygltf::ExtensionMap& extensions, bool srgb);
-  Texture textureProperty(const tinygltf::Value& object, const char* key, bool srgb);
+  /// Of Material::textures().
+  enum Slot {
+    kBase,
+    kMetallicRoughness,
+    kNormal,
+    kEmissive,
+    kTransmission,
+    kSpecular,
+    kSpecularColor
+  };
+
+  void convertSpecularGlossiness(const tinygltf::Value& e, Material& to);
+  Texture texture(Slot slot, int index, int texCoord, const tinygltf::ExtensionMap& extensions,
+                  bool srgb);
+  Texture textureProperty(Slot slot, const tinygltf::Value& object, const char* key, bool srgb);
   int sceneImage(int gltfImage, bool srgb);
   Image loadImage(const PendingImage& pending) const;
   float inRange(double value, double low, double high, const char* what);
@@ -113,35 +165,45 @@ class GltfMaterials {
 
   GltfContext& context_;
   std::vector<bool> converted_;
-  std::vector<int> texCoordSets_;
+  std::vector<Sets> texCoordSets_;  ///< by scene material
+  std::map<std::pair<int, std::map<int, SetMap>>, int> onOneSet_;
   std::vector<PendingImage> pending_;  ///< by index into Scene::images
   std::map<int, int> imageIndex_;      ///< glTF image to scene image
-  int currentSet_ = -1;                ///< of the material being converted
+  Sets currentSets_{};                 ///< of the material being converted
   std::string currentName_;
   int defaultMaterial_ = kNone;
 };
 
+struct GltfDeformation;
+
 /// Turns primitives into meshes; equal ones are stored once.
 class GltfMeshes {
  public:
-  GltfMeshes(GltfContext& context, GltfMaterials& materials)
-      : context_(context), materials_(materials) {}
+  /// Throws Error(kUsage) if the file has no such variant of its materials.
+  GltfMeshes(GltfContext& context, GltfMaterials& materials);
 
-  /// Indices into Scene::meshes of the triangle primitives of a glTF mesh.
-  const std::vector<int>& use(int gltfMesh);
+  /// Indices into Scene::meshes of the triangle primitives of a glTF mesh. Deformed ones are made
+  /// anew each time.
+  std::vector<int> use(int gltfMesh, const GltfDeformation& deformation);
 
  private:
-  int primitive(const tinygltf::Primitive& p, const std::string& where, const std::string& name);
+  std::vector<int> primitives(int gltfMesh, const GltfDeformation& deformation);
+  int primitive(const tinygltf::Primitive& compressed, const std::string& where,
+                const std::string& name, const GltfDeformation& deformation);
+  int materialOf(const tinygltf::Primitive& p) const;
+  int onOneSet(int material, const tinygltf::Primitive& p, const std::string& where);
   void readGeometry(const tinygltf::Primitive& p, int texCoordSet, const std::string& where,
-                    Mesh& mesh);
+                    const GltfDeformation& deformation, Mesh& mesh);
   std::vector<std::uint32_t> readIndices(const tinygltf::Primitive& p, std::uint64_t vertices,
-                                         const std::string& where) const;
+                                         const std::string& where);
 
   GltfContext& context_;
   GltfMaterials& materials_;
   std::map<int, std::vector<int>> done_;
   std::map<std::string, int> byGeometry_;
   std::map<std::pair<int, int>, int> byMaterial_;  ///< (first mesh of the geometry, material)
+  int variant_ = kNone;                            ///< that is shown
+  LocalFrame skinFrame_;                           ///< of all meshes with a skin
 };
 
 }  // namespace trex::detail

@@ -2,9 +2,12 @@
 
 #include "src/scene/gltf_detail.h"
 #include "src/scene/image_io.h"
+#include "src/scene/texture.h"
 
 namespace trex::detail {
 namespace {
+
+constexpr GltfMaterials::Sets kNoSets = {-1, -1, -1, -1, -1, -1, -1};
 
 const tinygltf::Value* member(const tinygltf::Value& object, const char* key) {
   if (!object.IsObject() || !object.Has(key)) return nullptr;
@@ -55,7 +58,7 @@ GltfMaterials::GltfMaterials(GltfContext& context) : context_(context) {
   const std::size_t count = context.model.materials.size();
   context.scene.materials.resize(count);
   converted_.resize(count);
-  texCoordSets_.assign(count, -1);
+  texCoordSets_.assign(count, kNoSets);
   for (std::size_t i = 0; i < count; ++i) {
     context.scene.materials[i].name = context.model.materials[i].name;
   }
@@ -66,22 +69,24 @@ int GltfMaterials::use(int index) {
     if (defaultMaterial_ == kNone) {
       defaultMaterial_ = static_cast<int>(context_.scene.materials.size());
       context_.scene.materials.emplace_back().name = "default";
-      texCoordSets_.push_back(-1);
+      texCoordSets_.push_back(kNoSets);
     }
     return defaultMaterial_;
   }
   if (std::size_t(index) >= converted_.size()) {
-    context_.bad("material {} does not exist; there are {}", index, converted_.size());
+    context_.replace("material {} does not exist; there are {}; the default one is used", index,
+                     converted_.size());
+    return use(kNone);
   }
   if (!converted_[index]) convert(index);
   return index;
 }
 
 float GltfMaterials::inRange(double value, double low, double high, const char* what) {
-  if (!std::isfinite(value)) context_.bad("{}: {} is not finite", currentName_, what);
   if (value >= low && value <= high) return static_cast<float>(value);
-  const double clamped = std::clamp(value, low, high);
-  context_.warn("{}: {} {} is outside its range; {} is used", currentName_, what, value, clamped);
+  const double clamped = std::isnan(value) ? low : std::clamp(value, low, high);
+  context_.replace("{}: {} {} is outside its range; {} is used", currentName_, what, value,
+                   clamped);
   return static_cast<float>(clamped);
 }
 
@@ -89,19 +94,22 @@ float GltfMaterials::number(const tinygltf::Value& object, const char* key, doub
                             double low, double high) {
   const tinygltf::Value* value = member(object, key);
   if (value == nullptr) return static_cast<float>(fallback);
-  if (!value->IsNumber()) context_.bad("{}: {} is not a number", currentName_, key);
+  if (!value->IsNumber()) {
+    context_.replace("{}: {} is not a number; {} is used", currentName_, key, fallback);
+    return static_cast<float>(fallback);
+  }
   return inRange(value->GetNumberAsDouble(), low, high, key);
 }
 
 vec3 GltfMaterials::color(const tinygltf::Value& object, const char* key, double high) {
   const tinygltf::Value* value = member(object, key);
   if (value == nullptr) return vec3(1.0f);
-  if (!value->IsArray() || value->ArrayLen() != 3) {
-    context_.bad("{}: {} must have 3 numbers", currentName_, key);
-  }
-  vec3 c;
+  vec3 c(1.0f);
   for (int k = 0; k < 3; ++k) {
-    if (!value->Get(k).IsNumber()) context_.bad("{}: {} must have 3 numbers", currentName_, key);
+    if (!value->IsArray() || value->ArrayLen() != 3 || !value->Get(k).IsNumber()) {
+      context_.replace("{}: {} must have 3 numbers; 1 is used", currentName_, key);
+      return vec3(1.0f);
+    }
     c[k] = inRange(value->Get(k).GetNumberAsDouble(), 0.0, high, key);
   }
   return c;
@@ -119,7 +127,7 @@ void GltfMaterials::convert(int index) {
   Material to;
   to.name = from.name;
   currentName_ = fmt::format("material {} ('{}')", index, from.name);
-  currentSet_ = -1;
+  currentSets_ = kNoSets;
   for (int k = 0; k < 4; ++k) {
     to.baseColor[k] = inRange(pbr.baseColorFactor[k], 0.0, 1.0, "baseColorFactor");
   }
@@ -136,22 +144,23 @@ void GltfMaterials::convert(int index) {
   } else if (from.alphaMode == "BLEND") {
     to.alphaMode = AlphaMode::kBlend;
   } else if (!from.alphaMode.empty() && from.alphaMode != "OPAQUE") {
-    context_.warn("{}: unknown alphaMode '{}'; opaque is used", currentName_, from.alphaMode);
+    context_.replace("{}: unknown alphaMode '{}'; opaque is used", currentName_, from.alphaMode);
   }
-  // The base colour comes first: its texture coordinate set decides.
   const auto& base = pbr.baseColorTexture;
-  to.baseColorTexture = texture(base.index, base.texCoord, base.extensions, true);
+  to.baseColorTexture = texture(kBase, base.index, base.texCoord, base.extensions, true);
   const auto& rough = pbr.metallicRoughnessTexture;
-  to.metallicRoughnessTexture = texture(rough.index, rough.texCoord, rough.extensions, false);
+  to.metallicRoughnessTexture =
+      texture(kMetallicRoughness, rough.index, rough.texCoord, rough.extensions, false);
   const auto& normal = from.normalTexture;
-  to.normalTexture = texture(normal.index, normal.texCoord, normal.extensions, false);
+  to.normalTexture = texture(kNormal, normal.index, normal.texCoord, normal.extensions, false);
   if (to.emits()) {
     const auto& emissive = from.emissiveTexture;
-    to.emissiveTexture = texture(emissive.index, emissive.texCoord, emissive.extensions, true);
+    to.emissiveTexture =
+        texture(kEmissive, emissive.index, emissive.texCoord, emissive.extensions, true);
   }
   convertExtensions(from, to);
   context_.scene.materials[index] = std::move(to);
-  texCoordSets_[index] = currentSet_;
+  texCoordSets_[index] = currentSets_;
   converted_[index] = true;
 }
 
@@ -163,8 +172,8 @@ void GltfMaterials::convertExtensions(const tinygltf::Material& from, Material& 
   if (const auto* e = extension(map, "KHR_materials_specular")) {
     to.specular = number(*e, "specularFactor", 1.0, 0.0, 1.0);
     to.specularColor = color(*e, "specularColorFactor", 1e6);
-    to.specularTexture = textureProperty(*e, "specularTexture", false);
-    to.specularColorTexture = textureProperty(*e, "specularColorTexture", true);
+    to.specularTexture = textureProperty(kSpecular, *e, "specularTexture", false);
+    to.specularColorTexture = textureProperty(kSpecularColor, *e, "specularColorTexture", true);
   }
   if (const auto* e = extension(map, "KHR_materials_ior")) {
     // 0 stands for "no refraction, full reflectance" in the standard; a huge index comes close.
@@ -175,7 +184,7 @@ void GltfMaterials::convertExtensions(const tinygltf::Material& from, Material& 
   if (const auto* e = extension(map, "KHR_materials_transmission")) {
     to.transmission = number(*e, "transmissionFactor", 0.0, 0.0, 1.0);
     if (to.transmission > 0.0f) {
-      to.transmissionTexture = textureProperty(*e, "transmissionTexture", false);
+      to.transmissionTexture = textureProperty(kTransmission, *e, "transmissionTexture", false);
     }
   }
   if (const auto* e = extension(map, "KHR_materials_volume")) {
@@ -186,15 +195,69 @@ void GltfMaterials::convertExtensions(const tinygltf::Material& from, Material& 
     }
   }
   to.unlit = extension(map, "KHR_materials_unlit") != nullptr;
+  if (const auto* e = extension(map, "KHR_materials_pbrSpecularGlossiness")) {
+    convertSpecularGlossiness(*e, to);
+  }
 }
 
-Texture GltfMaterials::textureProperty(const tinygltf::Value& object, const char* key, bool srgb) {
+/// A dielectric whose reflection at normal incidence is the specular colour.
+void GltfMaterials::convertSpecularGlossiness(const tinygltf::Value& e, Material& to) {
+  to.metallic = 0.0f;
+  to.metallicRoughnessTexture = {};
+  to.roughness = 1.0f - number(e, "glossinessFactor", 1.0, 0.0, 1.0);
+  const auto* diffuse = member(e, "diffuseFactor");
+  to.baseColor = vec4(1.0f);
+  for (int k = 0; diffuse != nullptr && diffuse->IsArray() && diffuse->ArrayLen() == 4 && k < 4;
+       ++k) {
+    if (!diffuse->Get(k).IsNumber()) continue;
+    to.baseColor[k] = inRange(diffuse->Get(k).GetNumberAsDouble(), 0.0, 1.0, "diffuseFactor");
+  }
+  to.baseColorTexture = textureProperty(kBase, e, "diffuseTexture", true);
+  constexpr float kReflectance = 0.04f;  // of the index 1.5 that is kept
+  to.specular = 1.0f;
+  to.specularColor = color(e, "specularFactor", 1.0) / kReflectance;
+  to.specularColorTexture = textureProperty(kSpecularColor, e, "specularGlossinessTexture", true);
+  if (to.specularColorTexture.present()) {
+    context_.replace("{}: the glossiness of specularGlossinessTexture is not shown; its factor is",
+                     currentName_);
+  }
+}
+
+int GltfMaterials::texCoordSet(int sceneMaterial) const {
+  for (const int set : texCoordSets_[sceneMaterial]) {
+    if (set >= 0) return set;
+  }
+  return -1;
+}
+
+int GltfMaterials::onOneSet(int sceneMaterial, const std::map<int, SetMap>& maps) {
+  const int next = static_cast<int>(context_.scene.materials.size());
+  const auto [at, isNew] = onOneSet_.try_emplace({sceneMaterial, maps}, next);
+  if (!isNew) return at->second;
+  Material made = context_.scene.materials[sceneMaterial];
+  const Sets sets = texCoordSets_[sceneMaterial];
+  const auto textures = made.textures();
+  for (std::size_t k = 0; k < textures.size(); ++k) {
+    const auto map = maps.find(sets[k]);
+    if (map == maps.end()) continue;
+    Texture& t = *textures[k];
+    t.offset = transformUv(t, map->second.offset);
+    t.scale *= map->second.scale;
+  }
+  context_.scene.materials.push_back(std::move(made));
+  texCoordSets_.push_back(sets);
+  return next;
+}
+
+Texture GltfMaterials::textureProperty(Slot slot, const tinygltf::Value& object, const char* key,
+                                       bool srgb) {
   const tinygltf::Value* info = member(object, key);
   if (info == nullptr) return {};
   const tinygltf::Value* index = member(*info, "index");
   const tinygltf::Value* texCoord = member(*info, "texCoord");
   if (index == nullptr || !index->IsNumber() || indexOf(*index) < 0) {
-    context_.bad("{}: {} has no index", currentName_, key);
+    context_.replace("{}: {} has no index; it is left out", currentName_, key);
+    return {};
   }
   tinygltf::ExtensionMap extensions;
   if (const auto* list = member(*info, "extensions"); list != nullptr) {
@@ -203,16 +266,17 @@ Texture GltfMaterials::textureProperty(const tinygltf::Value& object, const char
     }
   }
   const int set = texCoord != nullptr && texCoord->IsNumber() ? indexOf(*texCoord) : 0;
-  return texture(indexOf(*index), set, extensions, srgb);
+  return texture(slot, indexOf(*index), set, extensions, srgb);
 }
 
-Texture GltfMaterials::texture(int index, int texCoord, const tinygltf::ExtensionMap& extensions,
-                               bool srgb) {
+Texture GltfMaterials::texture(Slot slot, int index, int texCoord,
+                               const tinygltf::ExtensionMap& extensions, bool srgb) {
   if (index == -1 || !context_.options.loadTextures) return {};
   const auto& textures = context_.model.textures;
   if (index < 0 || std::size_t(index) >= textures.size()) {
-    context_.bad("{}: texture {} does not exist; there are {}", currentName_, index,
-                 textures.size());
+    context_.replace("{}: texture {} does not exist; there are {}; it is left out", currentName_,
+                     index, textures.size());
+    return {};
   }
   const tinygltf::Texture& from = textures[index];
   int source = from.source;
@@ -220,20 +284,22 @@ Texture GltfMaterials::texture(int index, int texCoord, const tinygltf::Extensio
     const auto* value = member(*webp, "source");
     if (value != nullptr && value->IsNumber()) source = indexOf(*value);
   }
-  if (source < 0) {
-    context_.warn("{}: texture {} has no image that can be read; it is left out", currentName_,
-                  index);
+  if (source < 0 || std::size_t(source) >= context_.model.images.size()) {
+    context_.replace("{}: texture {} has no image that can be read; it is left out", currentName_,
+                     index);
     return {};
   }
   Texture to;
   to.image = sceneImage(source, srgb);
   if (from.sampler >= 0) {
-    if (std::size_t(from.sampler) >= context_.model.samplers.size()) {
-      context_.bad("texture {}: sampler {} does not exist", index, from.sampler);
+    if (std::size_t(from.sampler) < context_.model.samplers.size()) {
+      const tinygltf::Sampler& sampler = context_.model.samplers[from.sampler];
+      to.wrapS = wrapOf(sampler.wrapS);
+      to.wrapT = wrapOf(sampler.wrapT);
+      to.nearest = sampler.magFilter == TINYGLTF_TEXTURE_FILTER_NEAREST;
+    } else {
+      context_.replace("texture {}: sampler {} does not exist; it repeats", index, from.sampler);
     }
-    const tinygltf::Sampler& sampler = context_.model.samplers[from.sampler];
-    to.wrapS = wrapOf(sampler.wrapS);
-    to.wrapT = wrapOf(sampler.wrapT);
   }
   if (const auto* transform = extension(extensions, "KHR_texture_transform")) {
     to.offset = pairOr(member(*transform, "offset"), vec2(0.0f));
@@ -242,18 +308,11 @@ Texture GltfMaterials::texture(int index, int texCoord, const tinygltf::Extensio
     const auto* set = member(*transform, "texCoord");
     if (set != nullptr && set->IsNumber()) texCoord = indexOf(*set);
   }
-  if (currentSet_ < 0) currentSet_ = std::max(texCoord, 0);
-  if (texCoord != currentSet_) {
-    context_.warn("{}: its textures use coordinate sets {} and {}; set {} is used for all",
-                  currentName_, currentSet_, texCoord, currentSet_);
-  }
+  currentSets_[slot] = std::max(texCoord, 0);
   return to;
 }
 
 int GltfMaterials::sceneImage(int gltfImage, bool srgb) {
-  if (gltfImage < 0 || std::size_t(gltfImage) >= context_.model.images.size()) {
-    context_.bad("image {} does not exist; there are {}", gltfImage, context_.model.images.size());
-  }
   const auto [at, isNew] = imageIndex_.try_emplace(gltfImage, static_cast<int>(pending_.size()));
   if (isNew) pending_.push_back({gltfImage, srgb});
   pending_[at->second].srgb |= srgb;
@@ -265,8 +324,15 @@ Image GltfMaterials::loadImage(const PendingImage& pending) const {
   const std::string name = fmt::format("{}: image {} ('{}')", context_.name, pending.gltfImage,
                                        image.uri.empty() ? image.name : image.uri.substr(0, 80));
   if (image.bufferView >= 0) {
-    const tinygltf::BufferView& view = context_.model.bufferViews.at(image.bufferView);
-    const auto& data = context_.model.buffers.at(view.buffer).data;
+    const auto& views = context_.model.bufferViews;
+    const auto& buffers = context_.model.buffers;
+    if (std::size_t(image.bufferView) >= views.size() ||
+        std::size_t(views[image.bufferView].buffer) >= buffers.size()) {
+      fail(ExitCode::kInput, "{}: bufferView {} or its buffer does not exist", name,
+           image.bufferView);
+    }
+    const tinygltf::BufferView& view = views[image.bufferView];
+    const auto& data = buffers[view.buffer].data;
     if (view.byteOffset > data.size() || view.byteLength > data.size() - view.byteOffset) {
       fail(ExitCode::kInput, "{}: bufferView {} lies outside its buffer", name, image.bufferView);
     }
@@ -284,7 +350,10 @@ Image GltfMaterials::loadImage(const PendingImage& pending) const {
 void GltfMaterials::loadImages() {
   // One after the other: decoding in parallel crashed now and then with OpenImageIO 2.4.7 (2 of
   // about 65 runs on 15 textures, cause not found), for 0.04 s gained.
-  for (const PendingImage& image : pending_) context_.scene.images.push_back(loadImage(image));
+  for (const PendingImage& pending : pending_) {
+    Image& image = context_.scene.images.emplace_back();
+    context_.attempt("textures of it are left out", [&] { image = loadImage(pending); });
+  }
 }
 
 }  // namespace trex::detail

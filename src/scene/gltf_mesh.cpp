@@ -1,6 +1,9 @@
 #include <algorithm>
+#include <optional>
 
+#include "src/scene/gltf_compressed.h"
 #include "src/scene/gltf_detail.h"
+#include "src/scene/gltf_pose.h"
 
 namespace trex::detail {
 namespace {
@@ -38,6 +41,12 @@ std::vector<glm::uvec3> assemble(int mode, const std::vector<std::uint32_t>& i) 
   return triangles;
 }
 
+void dropUnused(std::vector<glm::uvec3>& triangles) {
+  std::erase_if(triangles, [](const glm::uvec3& t) {
+    return t.x == kUnused || t.y == kUnused || t.z == kUnused;
+  });
+}
+
 /// Renumbers the vertices in order of index and returns the old numbers, if a good part of them is
 /// not used: exporters like to share one vertex buffer among many primitives.
 std::vector<std::uint32_t> compact(std::vector<glm::uvec3>& triangles, std::uint64_t vertices) {
@@ -72,55 +81,162 @@ std::vector<std::uint32_t> compact(std::vector<glm::uvec3>& triangles, std::uint
   return used;
 }
 
+/// How the second set of coordinates comes from the first: scaled and shifted along each axis.
+/// Nothing if it does not.
+std::optional<GltfMaterials::SetMap> mapOfSets(const GltfAccessor& a, const GltfAccessor& b) {
+  constexpr float kSlack = 2e-5f;
+  GltfMaterials::SetMap map;
+  if (a.components() != 2 || b.components() != 2 || a.count() != b.count()) return {};
+  for (int axis = 0; axis < 2; ++axis) {
+    std::uint64_t least = 0, most = 0;
+    for (std::uint64_t i = 0; i < a.count(); ++i) {
+      if (a.value(i, axis) < a.value(least, axis)) least = i;
+      if (a.value(i, axis) > a.value(most, axis)) most = i;
+    }
+    const float range = a.value(most, axis) - a.value(least, axis);
+    if (range > 0.0f) map.scale[axis] = (b.value(most, axis) - b.value(least, axis)) / range;
+    map.offset[axis] = b.value(least, axis) - map.scale[axis] * a.value(least, axis);
+    for (std::uint64_t i = 0; i < a.count(); ++i) {
+      const float there = map.scale[axis] * a.value(i, axis) + map.offset[axis];
+      if (!(std::abs(there - b.value(i, axis)) <= kSlack)) return {};
+    }
+  }
+  return map;
+}
+
 }  // namespace
 
-const std::vector<int>& GltfMeshes::use(int gltfMesh) {
-  const auto& meshes = context_.model.meshes;
-  if (gltfMesh < 0 || std::size_t(gltfMesh) >= meshes.size()) {
-    context_.bad("mesh {} does not exist; there are {}", gltfMesh, meshes.size());
+GltfMeshes::GltfMeshes(GltfContext& context, GltfMaterials& materials)
+    : context_(context), materials_(materials) {
+  const std::string& wanted = context.options.variant;
+  if (wanted.empty()) return;
+  std::string names;
+  const auto found = context.model.extensions.find("KHR_materials_variants");
+  if (found != context.model.extensions.end() && found->second.IsObject() &&
+      found->second.Has("variants") && found->second.Get("variants").IsArray()) {
+    const tinygltf::Value& variants = found->second.Get("variants");
+    for (int i = 0; i < static_cast<int>(variants.ArrayLen()) && variant_ == kNone; ++i) {
+      const tinygltf::Value& v = variants.Get(i);
+      const std::string name = v.IsObject() && v.Has("name") && v.Get("name").IsString()
+                                   ? v.Get("name").Get<std::string>()
+                                   : std::string();
+      if (name == wanted || std::to_string(i) == wanted) variant_ = i;
+      if (i < 20) names += (i > 0 ? ", " : "") + name;
+    }
   }
+  if (variant_ == kNone) {
+    fail(ExitCode::kUsage, "{}: has no variant '{}'; it has {}", context.name, wanted,
+         names.empty() ? "none" : names);
+  }
+}
+
+std::vector<int> GltfMeshes::use(int gltfMesh, const GltfDeformation& deformation) {
+  if (!deformation.none()) return primitives(gltfMesh, deformation);
   const auto [at, isNew] = done_.try_emplace(gltfMesh);
-  if (!isNew) return at->second;
+  if (isNew) at->second = primitives(gltfMesh, deformation);
+  return at->second;
+}
+
+std::vector<int> GltfMeshes::primitives(int gltfMesh, const GltfDeformation& deformation) {
+  const auto& meshes = context_.model.meshes;
+  std::vector<int> made;
+  if (gltfMesh < 0 || std::size_t(gltfMesh) >= meshes.size()) {
+    context_.replace("mesh {} does not exist; there are {}; it is left out", gltfMesh,
+                     meshes.size());
+    return made;
+  }
   const tinygltf::Mesh& mesh = meshes[gltfMesh];
   for (std::size_t i = 0; i < mesh.primitives.size(); ++i) {
     const tinygltf::Primitive& p = mesh.primitives[i];
     const std::string where = fmt::format("mesh {} ('{}') primitive {}", gltfMesh, mesh.name, i);
     if (!isTriangles(p.mode)) {
       if (p.mode < 0 || p.mode > TINYGLTF_MODE_TRIANGLE_FAN) {
-        context_.bad("{}: mode {} does not exist", where, p.mode);
+        context_.replace("{}: mode {} does not exist; it is left out", where, p.mode);
+      } else {
+        context_.replace("{}: it is of points or lines, which are left out", where);
       }
-      context_.warn("{}: points and lines are skipped", where);
       continue;
     }
-    if (!p.targets.empty()) context_.warn("morph targets are ignored");
-    at->second.push_back(primitive(p, where, mesh.name));
+    context_.attempt(kLeftOut,
+                     [&] { made.push_back(primitive(p, where, mesh.name, deformation)); });
   }
-  return at->second;
+  return made;
 }
 
-int GltfMeshes::primitive(const tinygltf::Primitive& p, const std::string& where,
-                          const std::string& name) {
-  const int material = materials_.use(p.material);
+/// The material of the variant that is shown, or the primitive's own.
+int GltfMeshes::materialOf(const tinygltf::Primitive& p) const {
+  const auto found = p.extensions.find("KHR_materials_variants");
+  if (variant_ == kNone || found == p.extensions.end() || !found->second.IsObject() ||
+      !found->second.Has("mappings") || !found->second.Get("mappings").IsArray()) {
+    return p.material;
+  }
+  const tinygltf::Value& mappings = found->second.Get("mappings");
+  for (int m = 0; m < static_cast<int>(mappings.ArrayLen()); ++m) {
+    const tinygltf::Value& mapping = mappings.Get(m);
+    if (!mapping.IsObject() || !mapping.Has("variants") || !mapping.Get("variants").IsArray() ||
+        !mapping.Has("material") || !mapping.Get("material").IsNumber()) {
+      continue;
+    }
+    const tinygltf::Value& variants = mapping.Get("variants");
+    for (int v = 0; v < static_cast<int>(variants.ArrayLen()); ++v) {
+      if (variants.Get(v).IsNumber() && indexOf(variants.Get(v)) == variant_) {
+        return indexOf(mapping.Get("material"));
+      }
+    }
+  }
+  return p.material;
+}
+
+/// A material whose textures read several sets of coordinates, made to read one where the others
+/// are that one scaled and shifted, which is all that a mesh here can keep.
+int GltfMeshes::onOneSet(int material, const tinygltf::Primitive& p, const std::string& where) {
+  const int main = materials_.texCoordSet(material);
+  std::map<int, GltfMaterials::SetMap> maps;
+  for (const int set : materials_.texCoordSets(material)) {
+    if (set < 0 || set == main || maps.contains(set)) continue;
+    const int a = attribute(p, fmt::format("TEXCOORD_{}", main));
+    const int b = attribute(p, fmt::format("TEXCOORD_{}", set));
+    std::optional<GltfMaterials::SetMap> map;
+    if (a >= 0 && b >= 0) map = mapOfSets(GltfAccessor(context_, a), GltfAccessor(context_, b));
+    if (!map) {
+      context_.replace("{}: its textures use coordinate sets {} and {}; set {} is used for all",
+                       where, main, set, main);
+      return material;
+    }
+    maps[set] = *map;
+  }
+  return maps.empty() ? material : materials_.onOneSet(material, maps);
+}
+
+int GltfMeshes::primitive(const tinygltf::Primitive& compressed, const std::string& where,
+                          const std::string& name, const GltfDeformation& deformation) {
+  const tinygltf::Primitive p = decodeDraco(context_, compressed, where);
+  const int material = onOneSet(materials_.use(materialOf(p)), p, where);
   const int set = materials_.texCoordSet(material);
   const std::string texCoord = fmt::format("TEXCOORD_{}", set);
   const int uv = set < 0 ? -1 : attribute(p, texCoord);
   if (set >= 0 && uv < 0) {
-    context_.warn("{}: its material has textures, but there is no {}", where, texCoord);
+    context_.replace("{}: its material has textures, but there is no {}; the texel at 0,0 is used",
+                     where, texCoord);
   }
   const std::string key =
       fmt::format("{} {} {} {} {} {}", attribute(p, "POSITION"), attribute(p, "NORMAL"),
                   attribute(p, "COLOR_0"), uv, p.indices, p.mode);
   auto& meshes = context_.scene.meshes;
   const int next = static_cast<int>(meshes.size());
-  const auto [first, isNew] = byGeometry_.try_emplace(key, next);
-  const auto [same, isNewPair] = byMaterial_.try_emplace({first->second, material}, next);
-  if (!isNewPair) return same->second;
+  const auto known = deformation.none() ? byGeometry_.find(key) : byGeometry_.end();
   Mesh mesh;
-  if (isNew) {
-    readGeometry(p, uv < 0 ? -1 : set, where, mesh);
+  if (known == byGeometry_.end()) {
+    readGeometry(p, uv < 0 ? -1 : set, where, deformation, mesh);
+    if (deformation.none()) {
+      byGeometry_.emplace(key, next);
+      byMaterial_.emplace(std::pair(next, material), next);
+    }
   } else {
-    mesh = meshes[first->second];
-    mesh.sameGeometryAs = first->second;
+    const auto [same, isNew] = byMaterial_.try_emplace({known->second, material}, next);
+    if (!isNew) return same->second;
+    mesh = meshes[known->second];
+    mesh.sameGeometryAs = known->second;
   }
   mesh.name = name;
   mesh.material = material;
@@ -130,7 +246,7 @@ int GltfMeshes::primitive(const tinygltf::Primitive& p, const std::string& where
 
 std::vector<std::uint32_t> GltfMeshes::readIndices(const tinygltf::Primitive& p,
                                                    std::uint64_t vertices,
-                                                   const std::string& where) const {
+                                                   const std::string& where) {
   std::vector<std::uint32_t> indices;
   if (p.indices < 0) {
     indices.resize(vertices);
@@ -145,17 +261,22 @@ std::vector<std::uint32_t> GltfMeshes::readIndices(const tinygltf::Primitive& p,
     context_.bad("{}: indices (accessor {}) must be unsigned integers", where, p.indices);
   }
   indices.resize(accessor.count());
+  std::uint64_t bad = 0;
   for (std::uint64_t i = 0; i < accessor.count(); ++i) {
     indices[i] = accessor.index(i);
-    if (indices[i] >= vertices) {
-      context_.bad("{}: index {} is vertex {}, but there are {}", where, i, indices[i], vertices);
+    if (indices[i] < vertices) continue;
+    if (bad++ == 0) {
+      context_.replace("{}: index {} is vertex {}, but there are {}; its triangles are left out",
+                       where, i, indices[i], vertices);
     }
+    indices[i] = kUnused;
   }
   return indices;
 }
 
 void GltfMeshes::readGeometry(const tinygltf::Primitive& p, int texCoordSet,
-                              const std::string& where, Mesh& mesh) {
+                              const std::string& where, const GltfDeformation& deformation,
+                              Mesh& mesh) {
   const int positionIndex = attribute(p, "POSITION");
   if (positionIndex < 0) context_.bad("{}: has no POSITION", where);
   const GltfAccessor positions(context_, positionIndex);
@@ -172,10 +293,11 @@ void GltfMeshes::readGeometry(const tinygltf::Primitive& p, int texCoordSet,
   {
     const std::vector<std::uint32_t> indices = readIndices(p, positions.count(), where);
     if (p.mode == TINYGLTF_MODE_TRIANGLES && indices.size() % 3 != 0) {
-      context_.warn("{}: {} indices are not whole triangles; the rest is ignored", where,
-                    indices.size());
+      context_.replace("{}: {} indices are not whole triangles; the rest is left out", where,
+                       indices.size());
     }
     mesh.triangles = assemble(p.mode, indices);
+    dropUnused(mesh.triangles);
   }
   const std::vector<std::uint32_t> used = compact(mesh.triangles, positions.count());
   mesh.positions.reserve(used.size());
@@ -197,17 +319,22 @@ void GltfMeshes::readGeometry(const tinygltf::Primitive& p, int texCoordSet,
     for (const std::uint32_t v : used) mesh.texCoords.push_back({uv.value(v, 0), uv.value(v, 1)});
   }
   if (const int index = attribute(p, "COLOR_0"); index >= 0) {
-    const GltfAccessor colors(context_, index);
+    GltfAccessor colors(context_, index);
     checked(colors, "COLOR_0", 3, 4);
     if (colors.componentType() != TINYGLTF_COMPONENT_TYPE_FLOAT && !colors.normalized()) {
-      context_.bad("{}: integer COLOR_0 (accessor {}) must be normalized", where, index);
+      context_.replace("{}: integer COLOR_0 (accessor {}) is not normalized; it is taken as if",
+                       where, index);
+      colors.normalize();
     }
     mesh.colors.reserve(used.size());
     for (const std::uint32_t v : used) {
-      glm::u8vec4 c(255);
-      for (int k = 0; k < colors.components(); ++k) c[k] = toUnorm8(colors.value(v, k));
-      mesh.colors.push_back(c);
+      vec4 c(1.0f);
+      for (int k = 0; k < colors.components(); ++k) c[k] = colors.value(v, k);
+      mesh.colors.push_back(packVertexColor(c));
     }
+  }
+  if (!deformation.none()) {
+    deform(context_, p, used, deformation, where, skinFrame_, mesh);
   }
   sanitiseMesh(context_.scene, mesh, context_.name + ": " + where);
 }

@@ -3,13 +3,16 @@
 #include <sys/stat.h>
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <cerrno>
 #include <cstring>
+#include <glm/gtc/matrix_transform.hpp>
 #include <new>
 
 #include "src/core/log.h"
 #include "src/scene/import_detail.h"
+#include "src/scene/input_file.h"
 #include "src/scene/synth.h"
 
 namespace trex {
@@ -58,25 +61,76 @@ void checkReadable(const std::filesystem::path& path) {
   std::error_code error;
   const auto status = std::filesystem::status(path, error);
   const std::string name = path.string();
+  if (name == "-") {
+    fail(ExitCode::kInput,
+         "-: a model is read from a file, not from standard input; save it first");
+  }
   if (!std::filesystem::exists(status)) fail(ExitCode::kInput, "{}: no such file", name);
   if (std::filesystem::is_directory(status)) {
-    fail(ExitCode::kInput, "{}: is a folder; give a .gltf, .glb, .ply or .obj file", name);
+    fail(ExitCode::kInput, "{}: is a folder; give a .gltf, .glb, .ply, .obj or .stl file", name);
   }
-  if (std::filesystem::is_regular_file(status) && std::filesystem::file_size(path, error) == 0) {
+  if (!std::filesystem::is_regular_file(status)) {
+    fail(ExitCode::kInput,
+         "{}: is a pipe or a device; models are read from files alone, so save it to one first",
+         name);
+  }
+  if (std::filesystem::file_size(path, error) == 0) {
     fail(ExitCode::kInput, "{}: the file is empty", name);
   }
 }
 
 Scene readByExtension(const std::filesystem::path& path, const ImportOptions& options) {
   const std::string extension = lowerExtension(path);
-  if (extension == ".gltf" || extension == ".glb") return detail::readGltf(path, options);
-  if (extension == ".ply") return detail::readPly(path);
+  if (extension == ".gltf" || extension == ".glb") {
+    if (options.unit != 1.0 || options.zUp) {
+      fail(ExitCode::kUsage, "{}: glTF is in metres with y up; --unit and --up are for others",
+           path.string());
+    }
+    return detail::readGltf(path, options);
+  }
+  if (!options.scene.empty() || !options.variant.empty() || !options.animation.empty()) {
+    fail(ExitCode::kUsage, "{}: --scene, --variant and --animation are of glTF alone",
+         path.string());
+  }
+  if (extension == ".ply") return detail::readPly(path, options);
   if (extension == ".obj") return detail::readObj(path, options);
-  fail(ExitCode::kInput, "{}: unknown extension '{}'; .gltf, .glb, .ply and .obj can be read",
+  if (extension == ".stl") return detail::readStl(path, options);
+  fail(ExitCode::kInput, "{}: unknown extension '{}'; .gltf, .glb, .ply, .obj and .stl can be read",
        path.string(), extension);
 }
 
 }  // namespace
+
+std::string ImportOptions::key() const {
+  std::string text;
+  if (unit != 1.0) text += fmt::format(" unit {}", unit);
+  if (zUp) text += " z up";
+  if (!scene.empty()) text += " scene " + scene;
+  if (!variant.empty()) text += " variant " + variant;
+  if (!animation.empty()) text += fmt::format(" animation {} at {}", animation, atSeconds);
+  return text;
+}
+
+dmat4 ImportOptions::toWorld() const {
+  dmat4 m(1.0);
+  if (zUp)
+    m = dmat4(glm::dvec4(1, 0, 0, 0), glm::dvec4(0, 0, -1, 0), glm::dvec4(0, 1, 0, 0),
+              glm::dvec4(0, 0, 0, 1));
+  return m * glm::scale(dmat4(1.0), dvec3(unit));
+}
+
+double parseUnit(const std::string& text) {
+  constexpr std::array<std::pair<const char*, double>, 5> kUnits = {
+      {{"mm", 0.001}, {"cm", 0.01}, {"m", 1.0}, {"in", 0.0254}, {"ft", 0.3048}}};
+  for (const auto& [name, metres] : kUnits) {
+    if (text == name) return metres;
+  }
+  double metres = 0.0;
+  if (!detail::parseDouble(text, metres) || !(metres >= 1e-12 && metres <= 1e12)) {
+    fail(ExitCode::kUsage, "--unit {}: want mm, cm, m, in, ft or metres such as 0.001", text);
+  }
+  return metres;
+}
 
 Scene importScene(const std::filesystem::path& path, const ImportOptions& options) {
   if (isSynthName(path.string())) {
@@ -101,19 +155,45 @@ Scene importScene(const std::filesystem::path& path, const ImportOptions& option
   scene.source = path.string();
   scene.files.insert(scene.files.begin(), model);
   detail::removeEmptyMeshes(scene);
+  detail::removeUnusedImages(scene);
   if (scene.droppedTriangles > 0) {
-    scene.warnings.push_back(fmt::format("{}: {} triangles with non-finite vertices dropped",
-                                         scene.source, scene.droppedTriangles));
+    scene.replaced.add(fmt::format("{}: {} triangles with non-finite vertices dropped",
+                                   scene.source, scene.droppedTriangles),
+                       scene.droppedTriangles);
   }
   if (scene.instances.empty()) {
-    fail(ExitCode::kInput, "{}: no triangle to render{}", scene.source,
-         scene.droppedTriangles > 0 ? " (all had non-finite vertices)" : "");
+    fail(ExitCode::kInput, "{}: no triangle to render{}{}", scene.source,
+         scene.replaced.texts.empty() ? "" : ": ",
+         scene.replaced.texts.empty() ? "" : scene.replaced.texts.front());
+  }
+  for (Instance& instance : scene.instances) {
+    instance.transform = options.toWorld() * instance.transform;
   }
   detail::checkExtent(scene);
   addVolumes(scene, options.volumes, options.maxMemory);
   addDefaultLightAndCamera(scene, options.environmentGiven);
-  for (const std::string& warning : scene.warnings) logWarning("{}", warning);
+  tellReplaced(scene, options.strict);
   return scene;
+}
+
+void refuseReplaced(const Scene& scene) {
+  const Replaced& parts = scene.replaced;
+  if (parts.count == 0) return;
+  fail(ExitCode::kInput, "{}{}; without --strict the rest is shown", parts.texts.front(),
+       parts.count > 1 ? fmt::format(" (and {} more parts)", parts.count - 1) : "");
+}
+
+void tellReplaced(const Scene& scene, bool strict) {
+  for (const std::string& warning : scene.warnings) logWarning("{}", warning);
+  if (strict) refuseReplaced(scene);
+  const Replaced& parts = scene.replaced;
+  constexpr std::size_t kMostSaid = 20;
+  const std::size_t said = std::min(kMostSaid, parts.texts.size());
+  for (std::size_t i = 0; i < said; ++i) logWarning("{}", parts.texts[i]);
+  if (said < parts.texts.size()) {
+    logWarning("{}: {} parts are not shown as they are; trex info lists them", scene.source,
+               parts.count);
+  }
 }
 
 bool hasLight(const Scene& scene) {

@@ -1,4 +1,5 @@
-// Reading models: .gltf .glb .ply .obj. Every file may be hostile; sizes are checked before use.
+// Reading models: .gltf .glb .ply .obj .stl. Every file may be hostile; sizes are checked before
+// use.
 //
 // glTF 2.0: triangles, strips and fans, all index and sparse accessors, vertex colours, node
 // transforms and instances, cameras, images (files, data URIs, buffer views), and of the extensions
@@ -27,14 +28,40 @@ struct ImportOptions {
   bool environmentGiven = false;  ///< the caller sets Scene::environment itself: no default sky
   std::vector<VolumeRequest> volumes{};  ///< media besides those of the file
   std::uint64_t maxMemory = 0;           ///< bytes this process may use; 0: what the machine has
+  bool strict = false;                   ///< a part that can't be shown as it is is an error
+  /// Of formats that know neither (PLY, OBJ, STL): metres of one of the file's units, and whether
+  /// its z is up. Error(kUsage) with others.
+  double unit = 1.0;
+  bool zUp = false;
+  /// Of glTF, Error(kUsage) with others: names or numbers of a scene, of a variant of materials
+  /// (KHR_materials_variants), and of an animation with its moment; empty: the file's default scene
+  /// and materials, and the rest pose.
+  std::string scene{}, variant{}, animation{};
+  double atSeconds = 0.0;
+
+  /// What decides the scene besides the files, as a text; empty if all is as it is without options.
+  std::string key() const;
+  /// From the file's axes and units to the world.
+  dmat4 toWorld() const;
 };
+
+/// Metres of "mm", "cm", "m", "in", "ft" or a positive number. Throws Error(kUsage).
+double parseUnit(const std::string& text);
 
 /// Reads a model by its extension, or makes it if the path is a synth: name (synth.h). Throws
 /// Error(kInput) that names the file, what is wrong in it and where. Triangles with a non-finite
 /// vertex are dropped and counted; a scene without any triangle is an error, as is one that reaches
 /// beyond 1e18 m. A model with no light gets a soft sky, one with no camera a framing camera; both
-/// are said in Scene::warnings. Each warning is also logged once. Thread safe.
+/// are said in Scene::warnings. A broken part does not refuse the rest: what is shown instead of it
+/// is said in Scene::replaced, an error with `strict`. All of it is also logged. Thread safe.
 Scene importScene(const std::filesystem::path& path, const ImportOptions& options = {});
+
+/// Logs what was said on import: the warnings, and the first of the parts that were replaced.
+/// With `strict` it is refuseReplaced() instead of the latter.
+void tellReplaced(const Scene& scene, bool strict);
+
+/// Throws Error(kInput) with the first part of a scene that was replaced, if any was.
+void refuseReplaced(const Scene& scene);
 
 /// Size and time of a file. Throws Error(kInput) if it can't be examined.
 SourceFile examineSource(const std::filesystem::path& path);
@@ -85,7 +112,11 @@ Camera parseCamera(const std::string& text, const Scene& scene);
 /// orthographic.
 std::string cameraText(const Camera& camera);
 
-/// A camera that sees the whole box from the front (+z), slightly above.
+/// A camera that sees the whole box from the front (+z), slightly above, in a square picture.
 Camera framingCamera(const Box3d& bounds);
+
+/// A framing camera for a picture: in one that is taller than wide its field of view is widened, so
+/// that it shows what a square one shows. Other cameras are as they are.
+Camera framedFor(Camera camera, std::uint32_t width, std::uint32_t height);
 
 }  // namespace trex

@@ -16,8 +16,13 @@ namespace trex::detail {
 inline constexpr std::uint64_t kMaxElements = 0xfffffff0u;
 
 Scene readGltf(const std::filesystem::path& path, const ImportOptions& options);
-Scene readPly(const std::filesystem::path& path);
+Scene readPly(const std::filesystem::path& path, const ImportOptions& options);
+Scene readStl(const std::filesystem::path& path, const ImportOptions& options);
 Scene readObj(const std::filesystem::path& path, const ImportOptions& options);
+
+/// A binary STL file as a stream that maps it; null for other files.
+std::unique_ptr<TriangleStream> openStlStream(const std::filesystem::path& path,
+                                              const ImportOptions& options);
 
 /// A binary PLY file of bare positions as a stream that maps it; null for other files. Throws
 /// Error(kInput) if it is cut off.
@@ -45,6 +50,9 @@ void checkExtent(const Scene& scene);
 /// Removes meshes without triangles and their instances; fails if none is left.
 void removeEmptyMeshes(Scene& scene);
 
+/// Makes textures of images without texels none, and removes images that no material uses.
+void removeUnusedImages(Scene& scene);
+
 /// Turns double positions into floats around the first finite one, which keeps the detail of a
 /// model far from the world's origin. Used for all meshes of a file, so that shared edges stay
 /// shared.
@@ -63,8 +71,5 @@ class LocalFrame {
   bool set_ = false;
   dvec3 origin_{0.0};
 };
-
-/// [0, 1] to 0..255, rounded; not-a-number becomes 0.
-std::uint8_t toUnorm8(float value);
 
 }  // namespace trex::detail

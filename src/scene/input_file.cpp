@@ -1,6 +1,7 @@
 #include "src/scene/input_file.h"
 
 #include <algorithm>
+#include <bit>
 #include <charconv>
 #include <cstring>
 #include <limits>
@@ -48,12 +49,26 @@ void InputFile::require(std::size_t count) {
   }
 }
 
+/// Before the first line: skips the byte order mark and looks how lines end.
+void InputFile::beginText() {
+  while (filled_ - at_ < 3 && refill()) {
+  }
+  if (filled_ - at_ >= 3 && std::memcmp(buffer_.data() + at_, "\xef\xbb\xbf", 3) == 0) at_ += 3;
+  for (std::size_t i = 0; i + at_ <= filled_; ++i) {
+    if (i + at_ + 1 >= filled_ && (i > kMaxLine || !refill())) return;
+    const std::uint8_t c = buffer_[at_ + i], next = buffer_[at_ + i + 1];
+    if (c == '\r' && next != '\n' && next != '\r') lineEnd_ = '\r';
+    if (c == '\r' || c == '\n') return;
+  }
+}
+
 bool InputFile::readLine(std::string_view& line) {
+  if (line_ == 0) beginText();
   std::size_t searched = 0;
   for (;;) {
     const std::uint8_t* start = buffer_.data() + at_;
     const std::size_t have = filled_ - at_;
-    const void* found = std::memchr(start + searched, '\n', have - searched);
+    const void* found = std::memchr(start + searched, lineEnd_, have - searched);
     const bool whole = found != nullptr;
     if (!whole && have <= kMaxLine) {
       searched = have;
@@ -80,6 +95,32 @@ std::string_view nextWord(std::string_view& text) {
   const std::string_view word = text.substr(start, end - start);
   text.remove_prefix(end);
   return word;
+}
+
+std::string_view trimmed(std::string_view text) {
+  while (!text.empty() && isBlank(text.front())) text.remove_prefix(1);
+  while (!text.empty() && isBlank(text.back())) text.remove_suffix(1);
+  return text;
+}
+
+std::string utf8Of(std::string_view text) {
+  // Each byte after a leading one of n ones in a row is one of n - 1 that start with 10.
+  bool valid = true;
+  for (std::size_t i = 0; valid && i < text.size(); ++i) {
+    const int ones = std::countl_one(static_cast<std::uint8_t>(text[i]));
+    valid = ones == 0 || (ones >= 2 && ones <= 4 && i + ones <= text.size());
+    for (int k = 1; valid && k < ones; ++k) {
+      valid = (static_cast<std::uint8_t>(text[++i]) & 0xc0) == 0x80;
+    }
+  }
+  if (valid) return std::string(text);
+  std::string out;
+  for (const char c : text) {
+    const auto byte = static_cast<std::uint8_t>(c);
+    if (byte >= 0x80) out.push_back(static_cast<char>(0xc0 | (byte >> 6)));
+    out.push_back(static_cast<char>(byte >= 0x80 ? 0x80 | (byte & 0x3f) : byte));
+  }
+  return out;
 }
 
 bool parseDouble(std::string_view word, double& value) {

@@ -25,7 +25,8 @@ class InputFile {
   std::uint64_t remaining() const { return fileLeft_ + (filled_ - at_); }
   std::uint64_t lineNumber() const { return line_; }  ///< of the line last read, from 1
 
-  /// Next line without its end ("\n" or "\r\n"), valid until the next read; false at the end.
+  /// Next line without its end ("\n" or "\r\n"; "\r" if the first line ends so), valid until the
+  /// next read; false at the end. A byte order mark in front of the first line is skipped.
   bool readLine(std::string_view& line);
 
   /// The next `count` bytes (at most 64), valid until the next read. Throws Error(kInput) if the
@@ -43,18 +44,26 @@ class InputFile {
   };
 
   bool refill();
+  void beginText();
   void require(std::size_t count);
 
   std::string name_;
   std::unique_ptr<std::FILE, Close> file_;
   std::uint64_t fileLeft_ = 0;
   std::uint64_t line_ = 0;
+  char lineEnd_ = '\n';
   std::size_t at_ = 0, filled_ = 0;
   std::vector<std::uint8_t> buffer_;
 };
 
 /// Takes the next word off the front of `text`; empty at the end. Words end at blanks and tabs.
 std::string_view nextWord(std::string_view& text);
+
+/// Without blanks at both ends.
+std::string_view trimmed(std::string_view text);
+
+/// Text as UTF-8: as it is if it is that already, else its bytes are taken for Latin-1.
+std::string utf8Of(std::string_view text);
 
 /// Parses a whole word as a number ("nan" and "inf" included). False if it is none.
 bool parseDouble(std::string_view word, double& value);

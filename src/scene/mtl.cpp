@@ -1,20 +1,30 @@
 #include "src/scene/mtl.h"
 
 #include <algorithm>
+#include <optional>
+#include <set>
 
-#include "src/scene/image_io.h"
+#include "src/scene/image_make.h"
 #include "src/scene/import_detail.h"
-#include "src/scene/input_file.h"
+#include "src/scene/statements.h"
+#include "src/scene/texture_file.h"
 
 namespace trex::detail {
 namespace {
 
-std::string trimmed(std::string_view text) {
-  const char* blanks = " \t\r";
-  const std::size_t first = text.find_first_not_of(blanks);
-  if (first == text.npos) return {};
-  return std::string(text.substr(first, text.find_last_not_of(blanks) - first + 1));
-}
+/// Statements that say nothing about light, or the same as others.
+const std::set<std::string_view> kSilent = {"ka",        "map_ka", "illum",  "tf",
+                                            "sharpness", "map_ns", "map_aat"};
+
+/// What one material's statements say, before it is made.
+struct Read {
+  std::optional<float> dissolve, transparency, roughness, exponent;
+  bool color = false, emission = false;
+  vec3 specular{0.0f};
+  bool specularGiven = false;
+  float bumpStrength = 1.0f;
+  Texture opacity, roughnessMap, metallicMap, bump, normal;
+};
 
 class MtlReader {
  public:
@@ -27,164 +37,301 @@ class MtlReader {
         names_(names) {}
 
   void read() {
-    std::string_view line;
-    while (input_.readLine(line)) {
-      const std::string_view keyword = nextWord(line);
-      if (keyword.empty() || keyword.front() == '#') continue;
+    std::string_view keyword, arguments;
+    while (input_.next(keyword, arguments)) {
       if (keyword == "newmtl") {
         finish();
-        begin(trimmed(line));
+        begin(arguments);
       } else if (current_ != kNone) {
-        readStatement(keyword, line);
+        readStatement(keyword, arguments);
       }
     }
     finish();
+    if (!ignored_.empty()) {
+      scene_.warnings.push_back(fmt::format("{}: not shown:{}", input_.file(), ignored_));
+    }
   }
 
  private:
+  template <typename... Args>
+  void replace(fmt::format_string<Args...> format, Args&&... args) {
+    scene_.replaced.add(input_.where() + ": " + fmt::format(format, std::forward<Args>(args)...));
+  }
+
   Material& material() { return scene_.materials[current_]; }
 
-  void begin(const std::string& name) {
+  void begin(std::string_view name) {
     Material made = defaultMaterial();
-    made.name = name;
+    made.name = utf8Of(name);
     current_ = static_cast<int>(scene_.materials.size());
     scene_.materials.push_back(std::move(made));
-    names_[name] = current_;
-    colorGiven_ = roughnessGiven_ = emissionGiven_ = false;
-    specular_ = vec3(0.0f);
-    exponent_ = -1.0f;
+    names_[std::string(name)] = current_;
+    names_.emplace(withoutComment(name), current_);
+    read_ = {};
   }
 
   void finish() {
     if (current_ == kNone) return;
     Material& m = material();
-    if (m.baseColorTexture.present() && !colorGiven_) m.baseColor = vec4(vec3(1.0f), m.baseColor.a);
-    if (m.emissiveTexture.present() && !emissionGiven_) m.emission = vec3(1.0f);
-    const float strongest = maxComponent(specular_);
+    if (m.baseColorTexture.present() && !read_.color) m.baseColor = vec4(1.0f);
+    if (m.emissiveTexture.present() && !read_.emission) m.emission = vec3(1.0f);
+    if (m.specularColorTexture.present() && !read_.specularGiven) read_.specular = vec3(0.5f);
+    const float strongest = maxComponent(read_.specular);
     if (strongest > 0.0f) {
       m.specular = std::min(1.0f, 2.0f * strongest);
-      m.specularColor = specular_ / strongest;
+      m.specularColor = read_.specular / strongest;
     }
-    if (!roughnessGiven_ && exponent_ >= 0.0f) {
-      m.roughness = std::pow(2.0f / (exponent_ + 2.0f), 0.25f);
+    if (read_.roughness) {
+      m.roughness = *read_.roughness;
+    } else if (read_.exponent) {
+      m.roughness = std::pow(2.0f / (*read_.exponent + 2.0f), 0.25f);
     }
+    m.baseColor.a = opacity();
+    if (m.baseColor.a < 1.0f) m.alphaMode = AlphaMode::kBlend;
+    if (read_.opacity.present()) addOpacity(m);
+    addRoughnessAndMetallic(m);
+    addNormals(m);
+    current_ = kNone;
   }
 
-  float number(std::string_view word, double low, double high) {
+  float opacity() {
+    const std::string who = fmt::format("{}: material '{}'", input_.file(), material().name);
+    if (!read_.transparency) return read_.dissolve.value_or(1.0f);
+    const float clear = *read_.transparency;
+    if (!read_.dissolve) {
+      if (clear < 1.0f) return 1.0f - clear;
+      scene_.warnings.push_back(who + ": Tr 1 without d is taken for opaque, as scans have it");
+      return 1.0f;
+    }
+    const float given = *read_.dissolve;
+    if (std::abs(given - (1.0f - clear)) < 0.02f) return given;
+    const float chosen = given == 0.0f && clear == 0.0f ? 1.0f : given;
+    scene_.warnings.push_back(
+        fmt::format("{}: d {} and Tr {} differ; opacity {} is used", who, given, clear, chosen));
+    return chosen;
+  }
+
+  /// Enters an image that was made of others under a name of its own.
+  int addImage(Image image, const std::string& name) {
+    for (std::size_t i = 0; i < scene_.images.size(); ++i) {
+      if (scene_.images[i].name == name) return static_cast<int>(i);
+    }
+    image.name = name;
+    scene_.images.push_back(std::move(image));
+    return static_cast<int>(scene_.images.size()) - 1;
+  }
+
+  const Image* imageOf(const Texture& t) const {
+    return t.present() ? &scene_.images[t.image] : nullptr;
+  }
+  std::string nameOf(const Texture& t) const { return t.present() ? imageOf(t)->name : "none"; }
+
+  /// Two maps share one place on the surface; the first one's counts, or the only one's.
+  Texture placeOf(const Texture& first, const Texture& second) {
+    Texture place = first.present() ? first : second;
+    if (first.present() && second.present()) {
+      Texture other = second;
+      other.image = place.image;
+      if (!(other == place)) {
+        scene_.replaced.add(fmt::format("{}: material '{}': {} is placed as {} is", input_.file(),
+                                        material().name, nameOf(second), nameOf(first)));
+      }
+    }
+    return place;
+  }
+
+  void addOpacity(Material& m) {
+    const Texture place = placeOf(m.baseColorTexture, read_.opacity);
+    const Image* color = imageOf(m.baseColorTexture);
+    const Image* mask = imageOf(read_.opacity);
+    const bool same = m.baseColorTexture.image == read_.opacity.image &&
+                      (mask->channels == 2 || mask->channels == 4);
+    const std::string name =
+        same ? mask->name
+             : fmt::format("{} with the opacity of {}", nameOf(m.baseColorTexture), mask->name);
+    if (!same) m.baseColorTexture.image = addImage(withOpacity(color, *mask), name);
+    const int image = m.baseColorTexture.image;
+    m.baseColorTexture = place;
+    m.baseColorTexture.image = image;
+    m.alphaMode = AlphaMode::kBlend;
+  }
+
+  void addRoughnessAndMetallic(Material& m) {
+    if (!read_.roughnessMap.present() && !read_.metallicMap.present()) return;
+    if (read_.roughnessMap.present() && !read_.roughness) m.roughness = 1.0f;
+    if (read_.metallicMap.present() && m.metallic == 0.0f) m.metallic = 1.0f;
+    m.metallicRoughnessTexture = placeOf(read_.roughnessMap, read_.metallicMap);
+    m.metallicRoughnessTexture.image =
+        addImage(roughnessAndMetallic(imageOf(read_.roughnessMap), imageOf(read_.metallicMap)),
+                 fmt::format("roughness {} and metallic {}", nameOf(read_.roughnessMap),
+                             nameOf(read_.metallicMap)));
+  }
+
+  void addNormals(Material& m) {
+    if (!read_.normal.present() && !read_.bump.present()) return;
+    m.normalTexture = read_.normal.present() ? read_.normal : read_.bump;
+    const Image& image = *imageOf(m.normalTexture);
+    m.normalScale = read_.normal.present() ? 1.0f : read_.bumpStrength;
+    if (read_.normal.present() || looksLikeNormals(image)) return;
+    scene_.warnings.push_back(
+        fmt::format("{}: material '{}': heights of {} become normals, a texel's step a slope of {}",
+                    input_.file(), m.name, image.name, read_.bumpStrength));
+    m.normalScale = 1.0f;
+    m.normalTexture.image =
+        addImage(normalsOfHeights(image, read_.bumpStrength),
+                 fmt::format("normals of {} times {}", image.name, read_.bumpStrength));
+  }
+
+  /// The number, clamped; nothing if it is none.
+  std::optional<float> number(std::string_view word, double low, double high) {
     double value = 0.0;
-    if (!parseDouble(word, value) || !std::isfinite(value)) {
-      fail(ExitCode::kInput, "{}:{}: '{}' is not a number", input_.name(), input_.lineNumber(),
-           word.substr(0, 40));
+    if (!parseNumber(word, value) || !std::isfinite(value)) {
+      replace("'{}' is not a number; the statement is left out", word.substr(0, 40));
+      return {};
     }
     if (value < low || value > high) {
-      scene_.warnings.push_back(fmt::format("{}:{}: {} is out of range and was clamped",
-                                            input_.name(), input_.lineNumber(), value));
+      replace("{} is out of range; {} is used", value, std::clamp(value, low, high));
     }
     return static_cast<float>(std::clamp(value, low, high));
   }
 
-  vec3 color(std::string_view line, double high) {
+  std::optional<vec3> color(std::string_view line, double high) {
     const std::string_view red = nextWord(line);
     if (red == "spectral" || red == "xyz") {
-      fail(ExitCode::kInput, "{}:{}: only RGB colours are read", input_.name(),
-           input_.lineNumber());
+      replace("only RGB colours are read; the statement is left out");
+      return {};
     }
-    vec3 c(number(red, 0.0, high));
+    const auto r = number(red, 0.0, high);
     const std::string_view green = nextWord(line);
-    if (!green.empty()) {
-      c.y = number(green, 0.0, high);
-      c.z = number(nextWord(line), 0.0, high);
-    }
-    return c;
+    if (!r || green.empty()) return r ? std::optional(vec3(*r)) : std::nullopt;
+    const auto g = number(green, 0.0, high), b = number(nextWord(line), 0.0, high);
+    return g && b ? std::optional(vec3(*r, *g, *b)) : std::nullopt;
   }
 
   void readStatement(std::string_view keyword, std::string_view line) {
     Material& m = material();
-    if (keyword == "Kd") {
-      m.baseColor = vec4(color(line, 1.0), m.baseColor.a);
-      colorGiven_ = true;
-    } else if (keyword == "Ks") {
-      specular_ = color(line, 1.0);
-    } else if (keyword == "Ke") {
-      m.emission = color(line, 1e30);
-      emissionGiven_ = true;
-    } else if (keyword == "Ns") {
-      exponent_ = number(nextWord(line), 0.0, 1e9);
-    } else if (keyword == "Pr") {
-      m.roughness = number(nextWord(line), 0.0, 1.0);
-      roughnessGiven_ = true;
-    } else if (keyword == "Pm") {
-      m.metallic = number(nextWord(line), 0.0, 1.0);
-    } else if (keyword == "Ni") {
-      m.ior = number(nextWord(line), 1.0, 10.0);
-    } else if (keyword == "d" || keyword == "Tr") {
-      const float value = number(nextWord(line), 0.0, 1.0);
-      m.baseColor.a = keyword == "d" ? value : 1.0f - value;
-      m.alphaMode = m.baseColor.a < 1.0f ? AlphaMode::kBlend : AlphaMode::kOpaque;
-    } else if (options_.loadTextures && keyword == "map_Kd") {
-      m.baseColorTexture = texture(line);
-    } else if (options_.loadTextures && keyword == "map_Ke") {
-      m.emissiveTexture = texture(line);
+    if (keyword.starts_with("map_") || keyword == "bump" || keyword == "norm") {
+      readMap(keyword, line);
+    } else if (keyword == "kd") {
+      if (const auto c = color(line, 1.0)) m.baseColor = vec4(*c, 1.0f), read_.color = true;
+    } else if (keyword == "ks") {
+      if (const auto c = color(line, 1.0)) read_.specular = *c, read_.specularGiven = true;
+    } else if (keyword == "ke") {
+      if (const auto c = color(line, 1e30)) m.emission = *c, read_.emission = true;
+    } else if (keyword == "ns") {
+      if (const auto n = number(nextWord(line), 0.0, 1e9)) read_.exponent = n;
+    } else if (keyword == "pr") {
+      if (const auto n = number(nextWord(line), 0.0, 1.0)) read_.roughness = n;
+    } else if (keyword == "pm") {
+      m.metallic = number(nextWord(line), 0.0, 1.0).value_or(m.metallic);
+    } else if (keyword == "ni") {
+      m.ior = number(nextWord(line), 1.0, 10.0).value_or(m.ior);
+    } else if (keyword == "d") {
+      readDissolve(line);
+    } else if (keyword == "tr") {
+      if (const auto n = number(nextWord(line), 0.0, 1.0)) read_.transparency = n;
+    } else if (!kSilent.contains(keyword)) {
+      ignore(keyword, line);
     }
   }
 
-  /// "[-option values] file name with blanks"; of the options, -s and -o and -clamp count.
-  Texture texture(std::string_view line) {
+  void readDissolve(std::string_view line) {
+    std::string_view word = nextWord(line);
+    if (word == "-halo") {
+      replace("-halo is not shown; the opacity is the same from all sides");
+      word = nextWord(line);
+    }
+    if (const auto n = number(word, 0.0, 1.0)) read_.dissolve = n;
+  }
+
+  /// Notes a statement once; one of a value of 0 is none.
+  void ignore(std::string_view keyword, std::string_view line) {
+    double value = 1.0;
+    if (parseNumber(nextWord(line), value) && value == 0.0) return;
+    constexpr std::size_t kMost = 30;
+    if (said_.size() < kMost && said_.insert(std::string(keyword.substr(0, 40))).second) {
+      ignored_ += " " + utf8Of(keyword.substr(0, 40));
+    }
+  }
+
+  void readMap(std::string_view keyword, std::string_view line) {
+    Material& m = material();
+    Texture* target = keyword == "map_kd"                              ? &m.baseColorTexture
+                      : keyword == "map_ke"                            ? &m.emissiveTexture
+                      : keyword == "map_ks"                            ? &m.specularColorTexture
+                      : keyword == "map_d" || keyword == "map_opacity" ? &read_.opacity
+                      : keyword == "map_pr"                            ? &read_.roughnessMap
+                      : keyword == "map_pm"                            ? &read_.metallicMap
+                      : keyword == "norm"                              ? &read_.normal
+                      : keyword == "bump" || keyword == "map_bump"     ? &read_.bump
+                                                                       : nullptr;
+    if (target == nullptr) {
+      if (!kSilent.contains(keyword)) ignore(keyword, line);
+      return;
+    }
+    if (options_.loadTextures) *target = texture(keyword, line);
+  }
+
+  /// Reads an option of a map with its values off the front of a line. False if there is none.
+  bool readOption(std::string_view& line, Texture& made) {
+    std::string_view after = line;
+    const std::string_view option = nextWord(after);
+    if (option.size() < 2 || option.front() != '-') return false;
+    std::array<float, 3> values{};
+    int count = 0;
+    for (std::string_view peek = after; count < 3; after = peek) {
+      double value = 0.0;
+      const std::string_view word = nextWord(peek);
+      if (word == "on" || word == "off" || option == "-imfchan" || option == "-type") {
+        if (option == "-clamp" && word == "on") made.wrapS = made.wrapT = Texture::Wrap::kClamp;
+        after = peek;
+        break;
+      }
+      if (!parseDouble(word, value) || !std::isfinite(value)) break;
+      values[count++] = static_cast<float>(value);
+    }
+    line = after;
+    // OBJ scales and shifts from the lower left corner, textures here from the upper left.
+    if (option == "-s" && count > 0) {
+      made.scale = vec2(values[0], count > 1 ? values[1] : values[0]);
+      made.offset.y += 1.0f - made.scale.y;
+    } else if (option == "-o" && count > 0) {
+      made.offset += vec2(values[0], count > 1 ? -values[1] : 0.0f);
+    } else if (option == "-bm" && count > 0) {
+      read_.bumpStrength = std::clamp(values[0], -100.0f, 100.0f);
+    }
+    return true;
+  }
+
+  /// "[-option values] file name with blanks"; of the options, -s, -o, -clamp and -bm count.
+  Texture texture(std::string_view keyword, std::string_view line) {
     Texture made;
-    for (;;) {
-      std::string_view after = line;
-      const std::string_view option = nextWord(after);
-      if (option.size() < 2 || option.front() != '-') break;
-      std::array<float, 3> values{};
-      int count = 0;
-      for (std::string_view peek = after; count < 3; after = peek) {
-        double value = 0.0;
-        const std::string_view word = nextWord(peek);
-        if (word == "on" || word == "off") {
-          if (option == "-clamp" && word == "on") {
-            made.wrapS = made.wrapT = Texture::Wrap::kClamp;
-          }
-          after = peek;
-          break;
-        }
-        if (!parseDouble(word, value) || !std::isfinite(value)) break;
-        values[count++] = static_cast<float>(value);
-      }
-      line = after;
-      // OBJ scales and shifts from the lower left corner, textures here from the upper left.
-      if (option == "-s" && count > 0) {
-        made.scale = vec2(values[0], count > 1 ? values[1] : values[0]);
-        made.offset.y += 1.0f - made.scale.y;
-      } else if (option == "-o" && count > 0) {
-        made.offset += vec2(values[0], count > 1 ? -values[1] : 0.0f);
-      }
+    while (readOption(line, made)) {
     }
-    made.image = imageIndex(trimmed(line));
-    return made;
+    std::string_view name = trimmed(line);
+    if (name.empty()) {
+      replace("{} names no file; it is left out", keyword);
+      return {};
+    }
+    std::error_code error;
+    if (!std::filesystem::is_regular_file(findFile(folder_, std::string(name)), error)) {
+      name = withoutComment(name);
+    }
+    const bool color = keyword == "map_kd" || keyword == "map_ke" || keyword == "map_ks";
+    made.image = imageOfFile(scene_, folder_, std::string(name), color,
+                             input_.where() + ": texture", "it is left out");
+    return made.present() ? made : Texture{};
   }
 
-  int imageIndex(std::string file) {
-    std::replace(file.begin(), file.end(), '\\', '/');
-    const std::filesystem::path path = folder_ / file;
-    const std::string name = path.string();
-    for (std::size_t i = 0; i < scene_.images.size(); ++i) {
-      if (scene_.images[i].name == name) return static_cast<int>(i);
-    }
-    const std::string where = fmt::format("{}:{}: texture", input_.name(), input_.lineNumber());
-    noteFile(scene_, path);
-    scene_.images.push_back(decodeImage(readWholeFile(path, where), name, true));
-    return static_cast<int>(scene_.images.size()) - 1;
-  }
-
-  InputFile input_;
+  Statements input_;
   std::filesystem::path folder_;
   const ImportOptions& options_;
   Scene& scene_;
   std::map<std::string, int>& names_;
   int current_ = kNone;
-  bool colorGiven_ = false, roughnessGiven_ = false, emissionGiven_ = false;
-  vec3 specular_{0.0f};
-  float exponent_ = -1.0f;
+  Read read_;
+  std::set<std::string> said_;
+  std::string ignored_;  ///< keywords that are not shown
 };
 
 }  // namespace

@@ -3,12 +3,18 @@
 //   Kd        base colour, linear; map_Kd multiplies it (sRGB). With a map and no Kd: white
 //   Ke        emission, radiance, from both sides; map_Ke multiplies it
 //   Ks        strength of the dielectric reflection: 0 none (Lambertian), 0.5 that of ior 1.5, as
-//             common exporters write it; its hue is the specular colour
-//   Ns        Phong exponent: roughness = (2 / (Ns + 2))^(1/4) [Walter et al., EGSR 2007]; absent:
-//   1 Pr Pm Ni  roughness (goes before Ns), metallic, index of refraction d, Tr     opacity, or 1 -
-//   opacity: alpha blending
+//             common exporters write it; its hue is the specular colour; map_Ks multiplies it
+//   Ns        Phong exponent: roughness = (2 / (Ns + 2))^(1/4) [Walter et al., EGSR 2007];
+//             absent: 1
+//   Pr Pm Ni  roughness (goes before Ns), metallic, index of refraction; map_Pr and map_Pm multiply
+//   d         opacity: alpha blending. Tr alone is 1 - opacity, but for `Tr 1`, which exporters of
+//             scans write for what is opaque. Of both, d counts; `d 0` with `Tr 0` is opaque
+//   map_d     opacity, multiplied by d: the image's alpha if it has any, else its brightness
+//   norm      a normal map. map_Bump, bump: one too if its colours are those of normals, else
+//             heights, whose slopes are taken a texel at a time
 //
-// Absent: base colour 0.6, no specular reflection.
+// Absent: base colour 0.6, no specular reflection. What is not shown (Pc, Ps, refl, disp, decal and
+// others) is said. Statements are read as statements.h tells.
 #pragma once
 
 #include <filesystem>
@@ -20,7 +26,8 @@
 namespace trex::detail {
 
 /// Appends the materials of a file to the scene and enters them in `names`. Images are loaded once
-/// for each file name. Throws Error(kInput) that names file and line.
+/// for each file name. What can't be read is in Scene::replaced, with file and line. Throws
+/// Error(kInput) if the file itself can't be read.
 void readMtl(const std::filesystem::path& path, const ImportOptions& options, Scene& scene,
              std::map<std::string, int>& names);
 

@@ -1,63 +1,37 @@
-// A streaming reader of Wavefront OBJ. Every (object, material) pair becomes one mesh.
+// A streaming reader of Wavefront OBJ. Every (object, material) pair becomes one mesh, or two: one
+// with normals, one of flat faces.
 #include <algorithm>
 #include <array>
 #include <map>
+#include <tuple>
 
+#include "src/scene/corner_table.h"
 #include "src/scene/import_detail.h"
-#include "src/scene/input_file.h"
 #include "src/scene/mtl.h"
+#include "src/scene/polygon.h"
+#include "src/scene/statements.h"
+#include "src/scene/texture_file.h"
 
 namespace trex::detail {
 namespace {
 
-/// Indices of position, texture coordinate and normal; -1 where absent.
-struct Corner {
-  std::int32_t position = -1, texCoord = -1, normal = -1;
-  bool operator==(const Corner&) const = default;
-};
-
-/// Numbers the distinct corners of a mesh in order of appearance. Open addressing: 4 bytes a slot.
-class CornerTable {
- public:
-  std::uint32_t indexOf(const Corner& corner) {
-    if (corners_.size() * 2 >= slots_.size()) grow();
-    std::uint32_t& slot = slots_[find(corner)];
-    if (slot == 0) {
-      corners_.push_back(corner);
-      slot = static_cast<std::uint32_t>(corners_.size());
-    }
-    return slot - 1;
-  }
-  const std::vector<Corner>& corners() const { return corners_; }
-
- private:
-  static std::size_t hash(const Corner& c) {
-    std::uint64_t h = std::uint32_t(c.position) * 0x9e3779b97f4a7c15ull;
-    h = (h ^ (h >> 29) ^ std::uint32_t(c.texCoord)) * 0xbf58476d1ce4e5b9ull;
-    h = (h ^ (h >> 32) ^ std::uint32_t(c.normal)) * 0x94d049bb133111ebull;
-    return static_cast<std::size_t>(h ^ (h >> 31));
-  }
-  std::size_t find(const Corner& corner) const {
-    const std::size_t mask = slots_.size() - 1;
-    std::size_t at = hash(corner) & mask;
-    while (slots_[at] != 0 && !(corners_[slots_[at] - 1] == corner)) at = (at + 1) & mask;
-    return at;
-  }
-  void grow() {
-    slots_.assign(std::max<std::size_t>(64, slots_.size() * 2), 0);
-    for (std::size_t i = 0; i < corners_.size(); ++i) {
-      slots_[find(corners_[i])] = static_cast<std::uint32_t>(i + 1);
-    }
-  }
-
-  std::vector<std::uint32_t> slots_;  ///< 1 + index into corners_; 0 is free
-  std::vector<Corner> corners_;
-};
+/// Numbers of position, texture coordinate and normal; -1 where absent. Normals that are made of
+/// those of faces are -2, -3, ...
+using Corner = CornerTable<3>::Corner;
 
 struct Group {
   int object = 0, material = 0;
-  CornerTable table;
+  bool normals = false;
+  CornerTable<3> table;
   std::vector<glm::uvec3> triangles;
+};
+
+/// A face that uses vertices which have not come yet.
+struct WaitingFace {
+  int object = 0, material = 0;
+  std::int32_t smoothing = 0;
+  std::uint64_t line = 0;
+  std::size_t firstCorner = 0, corners = 0;
 };
 
 class ObjReader {
@@ -68,36 +42,18 @@ class ObjReader {
   }
 
   Scene read() {
-    std::string_view line;
-    std::string joined;
-    while (input_.readLine(line)) {
-      // A backslash at the end of a line continues it.
-      if (!line.empty() && line.back() == '\\') {
-        joined.append(line.substr(0, line.size() - 1)).push_back(' ');
-        if (joined.size() > InputFile::kMaxLine) bad("line too long");
-        continue;
-      }
-      if (joined.empty()) {
-        readStatement(line);
-      } else {
-        joined.append(line);
-        readStatement(joined);
-        joined.clear();
-      }
-    }
+    std::string_view keyword, arguments;
+    while (input_.next(keyword, arguments)) readStatement(keyword, arguments);
     return finish();
   }
 
  private:
   template <typename... Args>
-  [[noreturn]] void bad(fmt::format_string<Args...> format, Args&&... args) const {
-    fail(ExitCode::kInput, "{}:{}: {}", input_.name(), input_.lineNumber(),
-         fmt::format(format, std::forward<Args>(args)...));
+  void replace(fmt::format_string<Args...> format, Args&&... args) {
+    scene_.replaced.add(input_.where() + ": " + fmt::format(format, std::forward<Args>(args)...));
   }
 
-  void readStatement(std::string_view line) {
-    const std::string_view keyword = nextWord(line);
-    if (keyword.empty() || keyword.front() == '#') return;
+  void readStatement(std::string_view keyword, std::string_view line) {
     if (keyword == "v") {
       readPosition(line);
     } else if (keyword == "f") {
@@ -107,38 +63,40 @@ class ObjReader {
     } else if (keyword == "vt") {
       readTexCoord(line);
     } else if (keyword == "usemtl") {
-      useMaterial(rest(line));
+      useMaterial(line);
     } else if (keyword == "o") {
       objectsNamed_ = true;
-      beginObject(rest(line));
+      beginObject(line);
     } else if (keyword == "g" && !objectsNamed_) {
-      beginObject(rest(line));
+      beginObject(line);
+    } else if (keyword == "s") {
+      readSmoothing(line);
     } else if (keyword == "mtllib") {
       readLibraries(line);
     } else if (keyword == "l" || keyword == "p") {
       ++linesAndPoints_;
+    } else if (keyword == "surf" || keyword == "curv" || keyword == "curv2") {
+      ++freeForms_;
     }
   }
 
-  static std::string rest(std::string_view line) {
-    while (!line.empty() && (line.back() == ' ' || line.back() == '\t')) line.remove_suffix(1);
-    const std::size_t first = line.find_first_not_of(" \t");
-    return first == line.npos ? std::string() : std::string(line.substr(first));
-  }
-
-  double number(std::string_view word) const {
+  double number(std::string_view word) {
     double value = 0.0;
-    if (!parseDouble(word, value)) {
-      if (word.empty()) bad("a number is missing");
-      bad("'{}' is not a number", word.substr(0, 40));
+    if (parseNumber(word, value)) return value;
+    if (word.empty()) {
+      replace("a number is missing; not-a-number is used");
+    } else {
+      replace("'{}' is not a number; not-a-number is used", word.substr(0, 40));
     }
-    return value;
+    return std::nan("");
   }
 
   void readPosition(std::string_view line) {
     dvec3 p;
     for (int i = 0; i < 3; ++i) p[i] = number(nextWord(line));
-    if (positions_.size() >= 0x7fffffffu) bad("too many vertices");
+    if (positions_.size() >= 0x7fffffffu) {
+      fail(ExitCode::kInput, "{}: too many vertices", input_.where());
+    }
     positions_.push_back(frame_.toLocal(p));
     std::array<float, 4> extra{};
     std::size_t count = 0;
@@ -147,11 +105,11 @@ class ObjReader {
     }
     if (count < 3) return;  // none, or a weight
     const auto channel = [&](std::size_t i) {
-      return toUnorm8(decodeSrgb(std::clamp(extra[i + (count == 4)], 0.0f, 1.0f)));
+      return decodeSrgb(std::clamp(extra[i + (count == 4)], 0.0f, 1.0f));
     };
     // Vertices before the first coloured one are white.
     colors_.resize(positions_.size() - 1, glm::u8vec4(255));
-    colors_.push_back({channel(0), channel(1), channel(2), std::uint8_t(255)});
+    colors_.push_back(packVertexColor({channel(0), channel(1), channel(2), 1.0f}));
   }
 
   void readNormal(std::string_view line) {
@@ -167,95 +125,202 @@ class ObjReader {
     texCoords_.push_back(vec2(u, 1.0f - v));
   }
 
-  void beginObject(const std::string& name) {
-    scene_.objects.push_back(name.empty() ? fmt::format("object {}", scene_.objects.size()) : name);
+  void beginObject(std::string_view name) {
+    scene_.objects.push_back(name.empty() ? fmt::format("object {}", scene_.objects.size())
+                                          : utf8Of(name));
     object_ = static_cast<int>(scene_.objects.size()) - 1;
-    group_ = nullptr;
   }
 
-  void readLibraries(std::string_view line) {
-    const std::string whole = rest(line);
-    const std::filesystem::path folder = path_.parent_path();
+  /// "off" and 0 are flat. Groups are positive; what is no number smooths too, with its like.
+  void readSmoothing(std::string_view line) {
+    std::int64_t group = 1;
+    parseInteger(line, group);
+    smoothing_ = line == "off" || line.empty() || group <= 0 || group > 0x7fffffff
+                     ? 0
+                     : static_cast<std::int32_t>(group);
+  }
+
+  bool readLibrary(std::string_view name) {
     std::error_code error;
-    // Several names are allowed, and so are blanks in a name.
-    if (std::filesystem::is_regular_file(folder / whole, error)) {
-      readMtl(folder / whole, options_, scene_, materialNames_);
-      return;
-    }
+    const std::filesystem::path file = findFile(path_.parent_path(), std::string(name));
+    if (!std::filesystem::is_regular_file(file, error)) return false;
+    readMtl(file, options_, scene_, materialNames_);
+    return true;
+  }
+
+  /// Several names are allowed, and so are blanks in a name.
+  void readLibraries(std::string_view line) {
+    if (readLibrary(line)) return;
+    line = withoutComment(line);
+    if (readLibrary(line)) return;
     for (std::string_view name = nextWord(line); !name.empty(); name = nextWord(line)) {
-      const std::filesystem::path file = folder / name;
-      if (std::filesystem::is_regular_file(file, error)) {
-        readMtl(file, options_, scene_, materialNames_);
-      } else {
-        scene_.warnings.push_back(fmt::format("{}:{}: no material file {}", input_.name(),
-                                              input_.lineNumber(), file.string()));
-      }
+      if (readLibrary(name)) continue;
+      replace("no material file {}; grey is used",
+              (path_.parent_path() / std::string(name)).string());
     }
   }
 
-  void useMaterial(const std::string& name) {
-    const auto found = materialNames_.find(name);
+  void useMaterial(std::string_view written) {
+    auto found = materialNames_.find(std::string(written));
+    if (found == materialNames_.end()) {
+      found = materialNames_.find(std::string(withoutComment(written)));
+    }
     material_ = found == materialNames_.end() ? 0 : found->second;
-    group_ = nullptr;
-    if (found == materialNames_.end() && materialNames_.emplace(name, 0).second) {
-      scene_.warnings.push_back(fmt::format("{}:{}: material '{}' is not defined; grey is used",
-                                            input_.name(), input_.lineNumber(), name));
+    if (found == materialNames_.end() && materialNames_.emplace(written, 0).second) {
+      replace("material '{}' is not defined; grey is used", utf8Of(written.substr(0, 200)));
     }
   }
 
-  Group& group() {
-    if (group_ != nullptr) return *group_;
-    if (object_ == kNone) beginObject(path_.stem().string());
-    const auto [at, isNew] = groups_.try_emplace({object_, material_});
-    group_ = &at->second;
-    if (isNew) {
-      group_->object = object_;
-      group_->material = material_;
+  Group& group(int object, int material, bool normals) {
+    if (lastGroup_ != nullptr && lastGroup_->object == object && lastGroup_->material == material &&
+        lastGroup_->normals == normals) {
+      return *lastGroup_;
     }
-    return *group_;
+    lastGroup_ = &groups_[{object, material, normals}];
+    lastGroup_->object = object;
+    lastGroup_->material = material;
+    lastGroup_->normals = normals;
+    return *lastGroup_;
   }
 
-  /// One of "v", "v/t", "v//n", "v/t/n"; from 1, or backwards from the last if negative.
-  Corner readCorner(std::string_view word) const {
+  /// One of "v", "v/t", "v//n", "v/t/n"; from 1, or backwards from the last if negative. Those that
+  /// have not come yet are taken as they are. Returns what is wrong, or nothing.
+  std::string readCorner(std::string_view word, Corner& corner) const {
     const std::array<std::size_t, 3> sizes = {positions_.size(), texCoords_.size(),
                                               normals_.size()};
-    constexpr std::array<const char*, 3> kNames = {"vertex", "texture coordinate", "normal"};
-    std::array<std::int32_t, 3> index = {-1, -1, -1};
+    corner = {-1, -1, -1};
     std::string_view left = word;
-    for (int i = 0; i < 3; ++i) {
+    for (std::size_t i = 0; i < 3; ++i) {
       const std::size_t slash = left.find('/');
       const std::string_view part = left.substr(0, slash);
       if (!part.empty() || i == 0) {
         std::int64_t value = 0;
-        if (!parseInteger(part, value)) bad("'{}' is not a corner of a face", word.substr(0, 40));
+        if (!parseInteger(part, value)) break;
         const std::int64_t size = static_cast<std::int64_t>(sizes[i]);
         const std::int64_t zeroBased = value > 0 ? value - 1 : size + value;
-        if (value == 0 || zeroBased < 0 || zeroBased >= size) {
-          bad("{} {} is out of range; there are {}", kNames[i], value, size);
+        if (value == 0 || zeroBased < 0 || zeroBased > 0x7ffffffe) {
+          return outOfRange(i, value, sizes[i]);
         }
-        index[i] = static_cast<std::int32_t>(zeroBased);
+        corner[i] = static_cast<std::int32_t>(zeroBased);
       }
-      if (slash == left.npos) return {index[0], index[1], index[2]};
+      if (slash == left.npos) return {};
       left.remove_prefix(slash + 1);
     }
-    bad("'{}' is not a corner of a face", word.substr(0, 40));
+    return fmt::format("'{}' is not a corner of a face", word.substr(0, 40));
+  }
+
+  static std::string outOfRange(std::size_t kind, std::int64_t value, std::size_t size) {
+    constexpr std::array<const char*, 3> kNames = {"vertex", "texture coordinate", "normal"};
+    return fmt::format("{} {} is out of range; there are {}", kNames[kind], value, size);
+  }
+
+  bool known(const Corner& c) const {
+    return c[0] < static_cast<std::int64_t>(positions_.size()) &&
+           c[1] < static_cast<std::int64_t>(texCoords_.size()) &&
+           c[2] < static_cast<std::int64_t>(normals_.size());
   }
 
   void readFace(std::string_view line) {
-    Group& g = group();
-    std::uint32_t first = 0, last = 0;
-    int corners = 0;
-    for (std::string_view w = nextWord(line); !w.empty() && w.front() != '#'; w = nextWord(line)) {
-      const std::uint32_t index = g.table.indexOf(readCorner(w));
-      if (corners == 0) first = index;
-      if (corners >= 2) {
-        if (g.triangles.size() >= kMaxElements) bad("too many triangles");
-        g.triangles.push_back({first, last, index});
-      }
-      last = index;
-      ++corners;
+    corners_.clear();
+    bool allKnown = true;
+    for (std::string_view w = nextWord(line); !w.empty(); w = nextWord(line)) {
+      const std::string problem = readCorner(w, corners_.emplace_back());
+      if (!problem.empty()) return replace("{}; the face is left out", problem);
+      allKnown = allKnown && known(corners_.back());
     }
-    if (corners < 3) ++smallFaces_;
+    if (object_ == kNone) beginObject(path_.stem().string());
+    if (corners_.size() < 3) {
+      ++smallFaces_;
+    } else if (allKnown) {
+      addFace(object_, material_, smoothing_);
+    } else {
+      waiting_.push_back({object_, material_, smoothing_, input_.lineNumber(),
+                          waitingCorners_.size(), corners_.size()});
+      waitingCorners_.insert(waitingCorners_.end(), corners_.begin(), corners_.end());
+    }
+  }
+
+  void addWaitingFaces() {
+    for (const WaitingFace& face : waiting_) {
+      const auto first = waitingCorners_.begin() + static_cast<std::ptrdiff_t>(face.firstCorner);
+      corners_.assign(first, first + static_cast<std::ptrdiff_t>(face.corners));
+      if (checkWaiting(face)) addFace(face.object, face.material, face.smoothing);
+    }
+  }
+
+  /// What never came: without a vertex there is no face, texture coordinates and normals may lack.
+  bool checkWaiting(const WaitingFace& face) {
+    const auto tell = [&](std::size_t kind, std::int32_t value, std::size_t size,
+                          const char* instead) {
+      scene_.replaced.add(fmt::format("{}:{}: {}; {}", input_.file(), face.line,
+                                      outOfRange(kind, std::int64_t{value} + 1, size), instead));
+    };
+    for (Corner& c : corners_) {
+      if (c[0] >= static_cast<std::int64_t>(positions_.size())) {
+        tell(0, c[0], positions_.size(), "the face is left out");
+        return false;
+      }
+      if (c[1] >= static_cast<std::int64_t>(texCoords_.size())) {
+        tell(1, c[1], texCoords_.size(), "0 is used");
+        c[1] = -1;
+      }
+      if (c[2] >= static_cast<std::int64_t>(normals_.size())) {
+        tell(2, c[2], normals_.size(), "the face's own is used");
+        c[2] = -1;
+      }
+    }
+    return true;
+  }
+
+  std::span<const glm::uvec3> cutFace() {
+    points_.clear();
+    for (const Corner& c : corners_) points_.push_back(dvec3(positions_[c[0]]));
+    const auto triangles = cutter_.cut(points_);
+    crossedFaces_ += cutter_.failed();
+    return triangles;
+  }
+
+  /// The face of `corners_`.
+  void addFace(int object, int material, std::int32_t smoothing) {
+    const auto lacks = [](const Corner& c) { return c[2] == -1; };
+    const bool flat = smoothing == 0 && std::all_of(corners_.begin(), corners_.end(), lacks);
+    Group& g = group(object, material, !flat);
+    const std::span<const glm::uvec3> triangles = cutFace();
+    if (g.triangles.size() + triangles.size() > kMaxElements) {
+      fail(ExitCode::kInput, "{}: too many triangles", input_.where());
+    }
+    if (!flat && std::any_of(corners_.begin(), corners_.end(), lacks)) {
+      makeNormals(smoothing, triangles);
+    }
+    numbers_.clear();
+    for (const Corner& c : corners_) numbers_.push_back(g.table.indexOf(c));
+    for (const glm::uvec3& t : triangles) {
+      g.triangles.push_back({numbers_[t.x], numbers_[t.y], numbers_[t.z]});
+    }
+  }
+
+  /// Corners without a normal share one with those of the same vertex and smoothing group, weighted
+  /// by area; without a group the face's own.
+  void makeNormals(std::int32_t smoothing, std::span<const glm::uvec3> triangles) {
+    dvec3 face(0.0);
+    for (const glm::uvec3& t : triangles) {
+      face += glm::cross(points_[t.y] - points_[t.x], points_[t.z] - points_[t.x]);
+    }
+    if (smoothing == 0) smoothing = --ownNormals_;
+    for (Corner& c : corners_) {
+      if (c[2] != -1) continue;
+      const std::uint32_t number = smoothVertices_.indexOf({c[0], smoothing});
+      if (number == madeNormals_.size()) madeNormals_.emplace_back(0.0);
+      madeNormals_[number] += face;
+      c[2] = -2 - static_cast<std::int32_t>(number);
+    }
+  }
+
+  vec3 normalOf(const Corner& c) const {
+    if (c[2] >= 0) return normals_[c[2]];
+    const dvec3& made = madeNormals_[static_cast<std::size_t>(-2 - c[2])];
+    const double length = glm::length(made);
+    return length > 0.0 && std::isfinite(length) ? vec3(made / length) : vec3(0.0f, 1.0f, 0.0f);
   }
 
   void addMesh(Group& g) {
@@ -264,24 +329,19 @@ class ObjReader {
     mesh.origin = frame_.origin();
     mesh.material = g.material;
     mesh.triangles = std::move(g.triangles);
-    const std::vector<Corner>& corners = g.table.corners();
-    const auto any = [&](std::int32_t Corner::*member) {
-      return std::any_of(corners.begin(), corners.end(),
-                         [&](const Corner& c) { return c.*member >= 0; });
-    };
-    const Material& material = scene_.materials[g.material];
-    const bool textured = material.baseColorTexture.present() || material.emissiveTexture.present();
-    const bool uv = textured && any(&Corner::texCoord), normals = any(&Corner::normal);
+    const auto& corners = g.table.corners();
+    const bool uv =
+        scene_.materials[g.material].textured() &&
+        std::any_of(corners.begin(), corners.end(), [](const Corner& c) { return c[1] >= 0; });
     mesh.positions.reserve(corners.size());
     for (const Corner& c : corners) {
-      mesh.positions.push_back(positions_[c.position]);
-      if (uv) mesh.texCoords.push_back(c.texCoord < 0 ? vec2(0.0f) : texCoords_[c.texCoord]);
-      // A missing normal becomes that of the face.
-      if (normals) mesh.normals.push_back(c.normal < 0 ? vec3(0.0f) : normals_[c.normal]);
-      if (!colors_.empty()) mesh.colors.push_back(colors_[c.position]);
+      mesh.positions.push_back(positions_[c[0]]);
+      if (uv) mesh.texCoords.push_back(c[1] < 0 ? vec2(0.0f) : texCoords_[c[1]]);
+      if (g.normals) mesh.normals.push_back(normalOf(c));
+      if (!colors_.empty()) mesh.colors.push_back(colors_[c[0]]);
     }
-    g.table = CornerTable();
-    sanitiseMesh(scene_, mesh, fmt::format("{}: object '{}'", input_.name(), mesh.name));
+    g.table = {};
+    sanitiseMesh(scene_, mesh, fmt::format("{}: object '{}'", input_.file(), mesh.name));
     Instance instance;
     instance.name = mesh.name;
     instance.mesh = static_cast<int>(scene_.meshes.size());
@@ -291,35 +351,47 @@ class ObjReader {
   }
 
   Scene finish() {
+    addWaitingFaces();
     if (!colors_.empty()) {
       colors_.resize(positions_.size(), glm::u8vec4(255));
       scene_.materials[0].baseColor = vec4(1.0f);
     }
     for (auto& [key, g] : groups_) addMesh(g);
-    const auto warnCount = [&](std::uint64_t count, const char* what) {
-      if (count > 0) {
-        scene_.warnings.push_back(fmt::format("{}: {} {}", input_.name(), count, what));
-      }
+    const auto tell = [&](std::uint64_t count, const char* what) {
+      if (count == 0) return;
+      scene_.replaced.add(fmt::format("{}: {} {}", input_.file(), count, what), count);
     };
-    warnCount(linesAndPoints_, "lines and points ignored");
-    warnCount(smallFaces_, "faces with fewer than 3 corners ignored");
+    tell(linesAndPoints_, "lines and points are left out");
+    tell(freeForms_, "free-form curves and surfaces are left out");
+    tell(smallFaces_, "faces with fewer than 3 corners are left out");
+    tell(crossedFaces_, "faces cross themselves; fans of triangles are used");
     return std::move(scene_);
   }
 
-  InputFile input_;
+  Statements input_;
   std::filesystem::path path_;
   const ImportOptions& options_;
   Scene scene_;
   std::map<std::string, int> materialNames_;
-  std::map<std::pair<int, int>, Group> groups_;
-  Group* group_ = nullptr;  ///< of the current object and material; looked up on the next face
+  std::map<std::tuple<int, int, bool>, Group> groups_;
+  Group* lastGroup_ = nullptr;
   int object_ = kNone, material_ = 0;
+  std::int32_t smoothing_ = 0, ownNormals_ = 0;
   bool objectsNamed_ = false;
   LocalFrame frame_;
   std::vector<vec3> positions_, normals_;
   std::vector<vec2> texCoords_;
   std::vector<glm::u8vec4> colors_;
-  std::uint64_t linesAndPoints_ = 0, smallFaces_ = 0;
+  CornerTable<2> smoothVertices_;  ///< of vertices and smoothing groups
+  std::vector<dvec3> madeNormals_;
+  std::vector<WaitingFace> waiting_;
+  std::vector<Corner> waitingCorners_;
+  // Of the face under way.
+  std::vector<Corner> corners_;
+  std::vector<dvec3> points_;
+  std::vector<std::uint32_t> numbers_;
+  PolygonCutter cutter_;
+  std::uint64_t linesAndPoints_ = 0, freeForms_ = 0, smallFaces_ = 0, crossedFaces_ = 0;
 };
 
 }  // namespace

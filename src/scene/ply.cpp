@@ -1,53 +1,142 @@
-// A streaming reader of PLY (G. Turk, "The PLY Polygon File Format", 1994).
+// A streaming reader of PLY: polygons and strips, attributes of vertices, faces and wedges.
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cstring>
+#include <cmath>
 #include <map>
 
+#include "src/scene/corner_table.h"
 #include "src/scene/import_detail.h"
-#include "src/scene/input_file.h"
+#include "src/scene/ply_file.h"
+#include "src/scene/polygon.h"
+#include "src/scene/texture_file.h"
 
 namespace trex::detail {
 namespace {
 
-enum class Type : std::uint8_t { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat, kDouble };
-constexpr std::array<std::size_t, 8> kTypeSize = {1, 1, 2, 2, 4, 4, 4, 8};
-
-bool isInteger(Type type) { return type < Type::kFloat; }
-
-struct Property {
-  std::string name;
-  Type type = Type::kFloat;
-  bool isList = false;
-  Type countType = Type::kUint8;
-};
-
-struct Element {
-  std::string name;
-  std::uint64_t count = 0;
-  std::vector<Property> properties;
-};
-
-enum class Format { kAscii, kLittle, kBig };
-
 /// What a vertex property is stored as.
 enum Slot { kX, kY, kZ, kNx, kNy, kNz, kU, kV, kRed, kGreen, kBlue, kAlpha, kSlots, kUnused };
 
+Slot slotOf(const PlyProperty& property) {
+  static const std::map<std::string_view, Slot> kNames = {{"x", kX},
+                                                          {"y", kY},
+                                                          {"z", kZ},
+                                                          {"nx", kNx},
+                                                          {"ny", kNy},
+                                                          {"nz", kNz},
+                                                          {"u", kU},
+                                                          {"s", kU},
+                                                          {"texture_u", kU},
+                                                          {"v", kV},
+                                                          {"t", kV},
+                                                          {"texture_v", kV},
+                                                          {"red", kRed},
+                                                          {"green", kGreen},
+                                                          {"blue", kBlue},
+                                                          {"alpha", kAlpha},
+                                                          {"diffuse_red", kRed},
+                                                          {"diffuse_green", kGreen},
+                                                          {"diffuse_blue", kBlue},
+                                                          {"r", kRed},
+                                                          {"g", kGreen},
+                                                          {"b", kBlue},
+                                                          {"a", kAlpha}};
+  const auto found = property.isList ? kNames.end() : kNames.find(property.name);
+  return found == kNames.end() ? kUnused : found->second;
+}
+
+/// What integers must be divided by to lie in [0, 1]. Those of 32 bits are bytes in a wide type.
+double colorScale(PlyType type) {
+  switch (type) {
+    case PlyType::kInt8:
+      return 127.0;
+    case PlyType::kInt16:
+      return 32767.0;
+    case PlyType::kUint16:
+      return 65535.0;
+    case PlyType::kUint8:
+    case PlyType::kInt32:
+    case PlyType::kUint32:
+      return 255.0;
+    default:
+      return 1.0;
+  }
+}
+
+/// Where an element's row keeps what this program shows of it.
+struct Row {
+  explicit Row(const PlyElement& element) : properties(element.properties) {
+    divisor.fill(1.0);
+    for (const PlyProperty& p : properties) {
+      const Slot slot = slotOf(p);
+      slots.push_back(slot);
+      if (slot == kUnused) continue;
+      has[slot] = true;
+      if (slot >= kRed) divisor[slot] = colorScale(p.type);
+      if (slot == kRed) srgb = isInteger(p.type);
+      wide = wide || (slot <= kZ && p.type == PlyType::kDouble);
+    }
+  }
+  bool colors() const { return has[kRed] && has[kGreen] && has[kBlue]; }
+  /// Of the values read last. Integers are sRGB, floats linear.
+  glm::u8vec4 color() const {
+    vec4 c(1.0f);
+    for (int k = 0; k < 3; ++k) {
+      const auto channel = static_cast<float>(value[kRed + k] / divisor[kRed + k]);
+      c[k] = srgb ? decodeSrgb(channel) : channel;
+    }
+    if (has[kAlpha]) c.a = static_cast<float>(value[kAlpha] / divisor[kAlpha]);
+    return packVertexColor(c);
+  }
+
+  const std::vector<PlyProperty>& properties;
+  std::vector<Slot> slots;  ///< by property
+  std::array<bool, kSlots> has{};
+  std::array<double, kSlots> value{}, divisor{};
+  bool srgb = false, wide = false;
+};
+
+/// Where a face's row keeps what is shown.
+struct FaceRow {
+  explicit FaceRow(const PlyElement& element) : row(element) {
+    for (std::size_t k = 0; k < element.properties.size(); ++k) {
+      const PlyProperty& p = element.properties[k];
+      if (p.isList && (p.name == "vertex_indices" || p.name == "vertex_index")) indices = k;
+      if (p.isList && p.name == "texcoord") texCoords = k;
+      if (!p.isList && p.name == "texnumber") number = k;
+    }
+  }
+  static constexpr std::size_t kAbsent = ~std::size_t{0};
+  Row row;
+  std::size_t indices = kAbsent, texCoords = kAbsent, number = kAbsent;
+};
+
+/// Triangles of one texture whose corners have values of their own: vertex, colour, u, v.
+struct Part {
+  CornerTable<4> table;
+  std::vector<glm::uvec3> triangles;
+};
+
 class PlyReader {
  public:
-  explicit PlyReader(const std::filesystem::path& path) : input_(path) {}
+  PlyReader(const std::filesystem::path& path, const ImportOptions& options)
+      : file_(path), path_(path), options_(options) {}
 
   Scene read() {
-    readHeader();
-    for (const Element& element : elements_) {
-      checkCount(element);
+    for (const PlyElement& element : file_.elements()) {
+      file_.checkCount(element);
       if (element.name == "vertex") {
         readVertices(element);
       } else if (element.name == "face") {
         readFaces(element);
+      } else if (element.name == "tristrips") {
+        readStrips(element);
       } else {
-        skipElement(element);
+        if (element.count > 0) {
+          scene_.warnings.push_back(
+              fmt::format("{}: element {} is left out", file_.name(), element.name));
+        }
+        file_.skip(element);
       }
     }
     return finish();
@@ -55,356 +144,294 @@ class PlyReader {
 
  private:
   template <typename... Args>
-  [[noreturn]] void bad(fmt::format_string<Args...> format, Args&&... args) const {
-    fail(ExitCode::kInput, "{}: {}", input_.name(),
-         fmt::format(format, std::forward<Args>(args)...));
+  void replace(std::uint64_t parts, fmt::format_string<Args...> format, Args&&... args) {
+    if (parts == 0) return;
+    scene_.replaced.add(
+        fmt::format("{}: {}", file_.name(), fmt::format(format, std::forward<Args>(args)...)),
+        parts);
   }
 
-  void readHeader() {
-    std::string_view line;
-    if (!input_.readLine(line) || nextWord(line) != "ply") bad("not a PLY file (wrong magic)");
-    bool formatSeen = false;
-    while (input_.readLine(line)) {
-      const std::string_view keyword = nextWord(line);
-      if (keyword == "end_header") {
-        if (!formatSeen) bad("the header names no format");
-        return;
-      }
-      if (keyword == "format") {
-        readFormat(line);
-        formatSeen = true;
-      } else if (keyword == "element") {
-        readElement(line);
-      } else if (keyword == "property") {
-        readProperty(line);
-      } else if (!keyword.empty() && keyword != "comment" && keyword != "obj_info") {
-        bad("header line {}: unknown keyword '{}'", input_.lineNumber(), keyword);
-      }
-    }
-    bad("the header has no end_header");
-  }
-
-  void readFormat(std::string_view line) {
-    const std::string_view name = nextWord(line);
-    if (name == "ascii") {
-      format_ = Format::kAscii;
-    } else if (name == "binary_little_endian") {
-      format_ = Format::kLittle;
-    } else if (name == "binary_big_endian") {
-      format_ = Format::kBig;
-    } else {
-      bad("header line {}: unknown format '{}'", input_.lineNumber(), name);
-    }
-  }
-
-  void readElement(std::string_view line) {
-    Element element;
-    element.name = nextWord(line);
-    std::int64_t count = -1;
-    if (!parseInteger(nextWord(line), count) || count < 0 || element.name.empty()) {
-      bad("header line {}: an element needs a name and a count", input_.lineNumber());
-    }
-    for (const Element& other : elements_) {
-      if (other.name == element.name) bad("element {} is given twice", element.name);
-    }
-    element.count = static_cast<std::uint64_t>(count);
-    elements_.push_back(std::move(element));
-  }
-
-  Type parseType(std::string_view word) const {
-    static const std::map<std::string_view, Type> kTypes = {
-        {"char", Type::kInt8},     {"int8", Type::kInt8},     {"uchar", Type::kUint8},
-        {"uint8", Type::kUint8},   {"short", Type::kInt16},   {"int16", Type::kInt16},
-        {"ushort", Type::kUint16}, {"uint16", Type::kUint16}, {"int", Type::kInt32},
-        {"int32", Type::kInt32},   {"uint", Type::kUint32},   {"uint32", Type::kUint32},
-        {"float", Type::kFloat},   {"float32", Type::kFloat}, {"double", Type::kDouble},
-        {"float64", Type::kDouble}};
-    const auto found = kTypes.find(word);
-    if (found == kTypes.end()) bad("header line {}: unknown type '{}'", input_.lineNumber(), word);
-    return found->second;
-  }
-
-  void readProperty(std::string_view line) {
-    if (elements_.empty()) bad("header line {}: property before element", input_.lineNumber());
-    Property property;
-    std::string_view word = nextWord(line);
-    if (word == "list") {
-      property.isList = true;
-      property.countType = parseType(nextWord(line));
-      if (!isInteger(property.countType)) {
-        bad("header line {}: a list's count must be an integer", input_.lineNumber());
-      }
-      word = nextWord(line);
-    }
-    property.type = parseType(word);
-    property.name = nextWord(line);
-    if (property.name.empty()) {
-      bad("header line {}: property without a name", input_.lineNumber());
-    }
-    elements_.back().properties.push_back(std::move(property));
-  }
-
-  /// A row takes some bytes at least, so a count larger than the file can hold is a lie.
-  void checkCount(const Element& element) const {
-    std::uint64_t rowBytes = 0;
-    for (const Property& p : element.properties) {
-      rowBytes += format_ == Format::kAscii ? 2 : kTypeSize[int(p.isList ? p.countType : p.type)];
-    }
-    const std::uint64_t slack = format_ == Format::kAscii ? 1 : 0;  // no line end at the end
-    if (rowBytes > 0 && element.count > (input_.remaining() + slack) / rowBytes) {
-      bad("the header promises {} of element {}, more than the {} bytes that follow can hold",
-          element.count, element.name, input_.remaining());
-    }
-    if (element.count > kMaxElements && !element.properties.empty()) {
-      bad("{} of element {} are more than this program reads", element.count, element.name);
-    }
-  }
-
-  double asciiScalar() {
-    std::string_view word = nextWord(rest_);
-    while (word.empty()) {
-      if (!input_.readLine(rest_)) bad("the file ends too early (truncated)");
-      word = nextWord(rest_);
-    }
-    double value = 0.0;
-    if (!parseDouble(word, value)) {
-      bad("line {}: '{}' is not a number", input_.lineNumber(), word.substr(0, 40));
-    }
-    return value;
-  }
-
-  template <typename T>
-  T load() {
-    std::array<std::uint8_t, sizeof(T)> bytes;
-    std::memcpy(bytes.data(), input_.take(sizeof(T)), sizeof(T));
-    if ((format_ == Format::kBig) != (std::endian::native == std::endian::big)) {
-      std::reverse(bytes.begin(), bytes.end());
-    }
-    return std::bit_cast<T>(bytes);
-  }
-
-  double scalar(Type type) {
-    if (format_ == Format::kAscii) return asciiScalar();
-    switch (type) {
-      case Type::kInt8:
-        return load<std::int8_t>();
-      case Type::kUint8:
-        return load<std::uint8_t>();
-      case Type::kInt16:
-        return load<std::int16_t>();
-      case Type::kUint16:
-        return load<std::uint16_t>();
-      case Type::kInt32:
-        return load<std::int32_t>();
-      case Type::kUint32:
-        return load<std::uint32_t>();
-      case Type::kFloat:
-        return load<float>();
-      case Type::kDouble:
-        break;
-    }
-    return load<double>();
-  }
-
-  std::uint64_t listCount(const Property& property) {
-    const double count = scalar(property.countType);
-    if (!(count >= 0.0) || count != std::floor(count) ||
-        count > static_cast<double>(input_.remaining() + rest_.size())) {
-      bad("a list of {} {} is longer than the file, or its count is not a count", count,
-          property.name);
-    }
-    return static_cast<std::uint64_t>(count);
-  }
-
-  void skip(const Property& property) {
-    const std::uint64_t count = property.isList ? listCount(property) : 1;
-    for (std::uint64_t i = 0; i < count; ++i) scalar(property.type);
-  }
-
-  void skipElement(const Element& element) {
-    if (element.properties.empty()) return;
-    if (element.count > 0) {
-      warnings_.push_back(fmt::format("{}: element {} ignored", input_.name(), element.name));
-    }
-    for (std::uint64_t i = 0; i < element.count; ++i) {
-      for (const Property& property : element.properties) skip(property);
-    }
-  }
-
-  static Slot slotOf(const Property& property) {
-    static const std::map<std::string_view, Slot> kNames = {{"x", kX},
-                                                            {"y", kY},
-                                                            {"z", kZ},
-                                                            {"nx", kNx},
-                                                            {"ny", kNy},
-                                                            {"nz", kNz},
-                                                            {"u", kU},
-                                                            {"s", kU},
-                                                            {"texture_u", kU},
-                                                            {"v", kV},
-                                                            {"t", kV},
-                                                            {"texture_v", kV},
-                                                            {"red", kRed},
-                                                            {"green", kGreen},
-                                                            {"blue", kBlue},
-                                                            {"alpha", kAlpha},
-                                                            {"diffuse_red", kRed},
-                                                            {"diffuse_green", kGreen},
-                                                            {"diffuse_blue", kBlue},
-                                                            {"r", kRed},
-                                                            {"g", kGreen},
-                                                            {"b", kBlue},
-                                                            {"a", kAlpha}};
-    const auto found = property.isList ? kNames.end() : kNames.find(property.name);
-    return found == kNames.end() ? kUnused : found->second;
-  }
-
-  /// What integers must be divided by to lie in [0, 1].
-  static double colorScale(Type type) {
-    switch (type) {
-      case Type::kInt8:
-        return 127.0;
-      case Type::kUint8:
-        return 255.0;
-      case Type::kInt16:
-        return 32767.0;
-      case Type::kUint16:
-        return 65535.0;
-      case Type::kInt32:
-        return 2147483647.0;
-      case Type::kUint32:
-        return 4294967295.0;
-      default:
-        return 1.0;
-    }
-  }
-
-  void readVertices(const Element& element) {
-    std::vector<Slot> slots;
-    std::array<bool, kSlots> has{};
-    std::array<double, kSlots> value{};
-    std::array<double, kSlots> divisor;
-    divisor.fill(1.0);
-    bool srgb = false, wide = false;
-    for (const Property& p : element.properties) {
-      const Slot slot = slotOf(p);
-      slots.push_back(slot);
-      if (slot == kUnused) continue;
-      has[slot] = true;
-      if (slot >= kRed) divisor[slot] = colorScale(p.type);
-      if (slot == kRed) srgb = isInteger(p.type);
-      wide |= slot <= kZ && p.type == Type::kDouble;
-    }
-    if (!(has[kX] && has[kY] && has[kZ])) bad("element vertex has no x, y and z");
-    const bool normals = has[kNx] && has[kNy] && has[kNz], uv = has[kU] && has[kV];
-    const bool colors = has[kRed] && has[kGreen] && has[kBlue];
+  void readVertices(const PlyElement& element) {
+    Row row(element);
+    if (!(row.has[kX] && row.has[kY] && row.has[kZ])) file_.bad("element vertex has no x, y and z");
+    const bool normals = row.has[kNx] && row.has[kNy] && row.has[kNz];
+    const bool uv = row.has[kU] && row.has[kV];
     mesh_.positions.reserve(element.count);
     if (normals) mesh_.normals.reserve(element.count);
     if (uv) mesh_.texCoords.reserve(element.count);
-    if (colors) mesh_.colors.reserve(element.count);
-    const auto channel = [&](Slot slot, bool decode) {
-      const float c = static_cast<float>(value[slot] / divisor[slot]);
-      return toUnorm8(decode ? decodeSrgb(c) : c);
-    };
+    if (row.colors()) mesh_.colors.reserve(element.count);
+    // Text has as many digits as it likes, so it is treated like doubles.
+    const bool wide = row.wide || file_.isText();
+    const auto& value = row.value;
     for (std::uint64_t i = 0; i < element.count; ++i) {
-      for (std::size_t k = 0; k < slots.size(); ++k) {
-        const Property& property = element.properties[k];
-        if (slots[k] == kUnused) {
-          skip(property);
-        } else {
-          value[slots[k]] = scalar(property.type);
-        }
-      }
+      readRow(row);
       const dvec3 p(value[kX], value[kY], value[kZ]);
-      // Text has as many digits as it likes, so it is treated like doubles.
       mesh_.positions.push_back(wide ? frame_.toLocal(p) : vec3(p));
       if (normals) mesh_.normals.push_back(vec3(value[kNx], value[kNy], value[kNz]));
       if (uv) mesh_.texCoords.push_back(vec2(value[kU], 1.0 - value[kV]));
-      if (colors) {
-        mesh_.colors.push_back({channel(kRed, srgb), channel(kGreen, srgb), channel(kBlue, srgb),
-                                has[kAlpha] ? channel(kAlpha, false) : std::uint8_t(255)});
+      if (row.colors()) mesh_.colors.push_back(row.color());
+    }
+  }
+
+  void readRow(Row& row) {
+    for (std::size_t k = 0; k < row.slots.size(); ++k) {
+      const PlyProperty& property = row.properties[k];
+      if (row.slots[k] == kUnused) {
+        file_.skip(property);
+      } else {
+        row.value[row.slots[k]] = file_.scalar(property.type);
       }
     }
   }
 
-  std::uint32_t faceIndex(const Property& property, std::uint64_t face) {
-    const double index = scalar(property.type);
-    if (!(index >= 0.0 && index <= 4294967295.0) || index != std::floor(index)) {
-      bad("face {} refers to vertex {}", face, index);
+  void readFaces(const PlyElement& element) {
+    FaceRow face(element);
+    if (face.indices == FaceRow::kAbsent) file_.bad("element face has no list vertex_indices");
+    if (!isInteger(element.properties[face.indices].type)) {
+      file_.bad("vertex_indices must be integers");
     }
-    return static_cast<std::uint32_t>(index);
-  }
-
-  void readFaces(const Element& element) {
-    std::size_t indices = element.properties.size();
-    for (std::size_t k = 0; k < element.properties.size(); ++k) {
-      const Property& p = element.properties[k];
-      if (p.isList && (p.name == "vertex_indices" || p.name == "vertex_index")) indices = k;
-    }
-    if (indices == element.properties.size()) bad("element face has no list vertex_indices");
-    if (!isInteger(element.properties[indices].type)) bad("vertex_indices must be integers");
-    mesh_.triangles.reserve(std::min<std::uint64_t>(element.count, input_.remaining() / 4));
-    std::uint64_t small = 0;
+    const bool wedges = options_.loadTextures && face.texCoords != FaceRow::kAbsent &&
+                        !file_.textureFiles().empty();
+    const bool ownCorners = wedges || face.row.colors();
+    mesh_.triangles.reserve(std::min<std::uint64_t>(element.count, file_.remaining() / 4));
     for (std::uint64_t i = 0; i < element.count; ++i) {
-      for (std::size_t k = 0; k < element.properties.size(); ++k) {
-        const Property& property = element.properties[k];
-        if (k != indices) {
-          skip(property);
-        } else if (!readPolygon(property, i)) {
-          ++small;
-        }
-      }
+      readFace(face, wedges);
+      if (!checkFace(i)) continue;
+      ownCorners ? addOwnCorners(face, wedges) : addShared();
     }
-    if (small > 0) {
-      warnings_.push_back(
-          fmt::format("{}: {} faces with fewer than 3 corners ignored", input_.name(), small));
+    replace(smallFaces_, "{} faces with fewer than 3 corners are left out", smallFaces_);
+    replace(badFaces_, "{}; {} such faces are left out", firstBadFace_, badFaces_);
+    replace(crossedFaces_, "{} faces cross themselves; fans of triangles are used", crossedFaces_);
+  }
+
+  void readFace(FaceRow& face, bool wedges) {
+    corners_.clear();
+    wedges_.clear();
+    texture_ = 0;
+    for (std::size_t k = 0; k < face.row.slots.size(); ++k) {
+      const PlyProperty& property = face.row.properties[k];
+      if (k == face.indices) {
+        readList(property, [&](double v) { corners_.push_back(v); });
+      } else if (wedges && k == face.texCoords) {
+        readList(property, [&](double v) { wedges_.push_back(static_cast<float>(v)); });
+      } else if (wedges && k == face.number) {
+        const double number = file_.scalar(property.type);
+        const bool known = number >= 0.0 && number < double(file_.textureFiles().size());
+        texture_ = known ? static_cast<int>(number) : 0;
+      } else if (face.row.slots[k] >= kRed && face.row.slots[k] <= kAlpha) {
+        face.row.value[face.row.slots[k]] = file_.scalar(property.type);
+      } else {
+        file_.skip(property);
+      }
     }
   }
 
-  /// A fan around the first corner. False if there are too few corners.
-  bool readPolygon(const Property& property, std::uint64_t face) {
-    const std::uint64_t corners = listCount(property);
-    std::uint32_t first = 0, last = 0;
-    for (std::uint64_t c = 0; c < corners; ++c) {
-      const std::uint32_t index = faceIndex(property, face);
-      if (c == 0) first = index;
-      if (c >= 2) {
-        if (mesh_.triangles.size() >= kMaxElements) bad("too many triangles");
-        mesh_.triangles.push_back({first, last, index});
-      }
-      last = index;
+  template <typename Use>
+  void readList(const PlyProperty& property, Use use) {
+    const std::uint64_t count = file_.listCount(property);
+    for (std::uint64_t i = 0; i < count; ++i) use(file_.scalar(property.type));
+  }
+
+  bool inRange(double index) const {
+    return index >= 0.0 && index < static_cast<double>(mesh_.positions.size()) &&
+           index == std::floor(index);
+  }
+
+  /// Whether the face that was read can be shown.
+  bool checkFace(std::uint64_t face) {
+    if (corners_.size() < 3) {
+      ++smallFaces_;
+      return false;
     }
-    return corners >= 3;
+    for (const double index : corners_) {
+      if (inRange(index)) continue;
+      if (badFaces_++ == 0) {
+        firstBadFace_ = fmt::format("face {} refers to vertex {}, but there are {}", face, index,
+                                    mesh_.positions.size());
+      }
+      return false;
+    }
+    return true;
+  }
+
+  std::span<const glm::uvec3> cutFace() {
+    points_.clear();
+    if (corners_.size() > 3) {
+      for (const double c : corners_) {
+        points_.push_back(dvec3(mesh_.positions[static_cast<std::size_t>(c)]));
+      }
+    } else {
+      points_.resize(3);
+    }
+    const auto triangles = cutter_.cut(points_);
+    crossedFaces_ += cutter_.failed();
+    if (mesh_.triangles.size() + triangles.size() > kMaxElements) file_.bad("too many triangles");
+    return triangles;
+  }
+
+  void addShared() {
+    const auto at = [&](std::uint32_t corner) {
+      return static_cast<std::uint32_t>(corners_[corner]);
+    };
+    for (const glm::uvec3& t : cutFace()) {
+      mesh_.triangles.push_back({at(t.x), at(t.y), at(t.z)});
+    }
+  }
+
+  /// Corners of the face have its colour, and texture coordinates of their own.
+  void addOwnCorners(const FaceRow& face, bool wedges) {
+    Part& part = parts_[texture_];
+    const auto triangles = cutFace();
+    std::int32_t color = -1;
+    if (face.row.colors()) {
+      const glm::u8vec4 c = face.row.color();
+      color = std::bit_cast<std::int32_t>(std::array{c.x, c.y, c.z, c.w});
+    }
+    numbers_.clear();
+    for (std::size_t i = 0; i < corners_.size(); ++i) {
+      const auto vertex = static_cast<std::uint32_t>(corners_[i]);
+      vec2 uv(0.0f);
+      if (wedges && 2 * i + 1 < wedges_.size()) uv = {wedges_[2 * i], 1.0f - wedges_[2 * i + 1]};
+      numbers_.push_back(part.table.indexOf({static_cast<std::int32_t>(vertex), color,
+                                             std::bit_cast<std::int32_t>(uv.x),
+                                             std::bit_cast<std::int32_t>(uv.y)}));
+    }
+    for (const glm::uvec3& t : triangles) {
+      part.triangles.push_back({numbers_[t.x], numbers_[t.y], numbers_[t.z]});
+    }
+    partsHaveColors_ = partsHaveColors_ || face.row.colors();
+    partsHaveTexCoords_ = partsHaveTexCoords_ || wedges;
+  }
+
+  /// Strips of triangles, each turned the other way around; -1 begins anew.
+  void readStrips(const PlyElement& element) {
+    const auto list = std::find_if(element.properties.begin(), element.properties.end(),
+                                   [](const PlyProperty& p) { return p.isList; });
+    if (list == element.properties.end() || !isInteger(list->type)) {
+      file_.bad("element tristrips has no list of integers");
+    }
+    std::uint64_t bad = 0;
+    for (std::uint64_t i = 0; i < element.count; ++i) {
+      for (const PlyProperty& property : element.properties) {
+        if (&property != &*list) {
+          file_.skip(property);
+          continue;
+        }
+        corners_.clear();
+        readList(property, [&](double v) {
+          if (v != -1.0) return addToStrip(v, bad);
+          corners_.clear();
+        });
+      }
+    }
+    replace(bad, "{} triangles of strips refer to vertices that do not exist; they are left out",
+            bad);
+  }
+
+  void addToStrip(double index, std::uint64_t& bad) {
+    corners_.push_back(index);
+    const std::size_t n = corners_.size();
+    if (n < 3) return;
+    std::array<double, 3> t = {corners_[n - 3], corners_[n - 2], corners_[n - 1]};
+    if (n % 2 == 0) std::swap(t[0], t[1]);
+    if (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]) return;  // joins strips
+    if (!std::all_of(t.begin(), t.end(), [&](double v) { return inRange(v); })) {
+      ++bad;
+    } else if (mesh_.triangles.size() >= kMaxElements) {
+      file_.bad("too many triangles");
+    } else {
+      mesh_.triangles.push_back({static_cast<std::uint32_t>(t[0]), static_cast<std::uint32_t>(t[1]),
+                                 static_cast<std::uint32_t>(t[2])});
+    }
+  }
+
+  /// A mesh of the triangles of one texture.
+  Mesh meshOf(Part& part) const {
+    Mesh mesh;
+    mesh.triangles = std::move(part.triangles);
+    for (const auto& corner : part.table.corners()) {
+      const auto vertex = static_cast<std::uint32_t>(corner[0]);
+      mesh.positions.push_back(mesh_.positions[vertex]);
+      if (!mesh_.normals.empty()) mesh.normals.push_back(mesh_.normals[vertex]);
+      if (partsHaveTexCoords_) {
+        mesh.texCoords.push_back(
+            {std::bit_cast<float>(corner[2]), std::bit_cast<float>(corner[3])});
+      } else if (!mesh_.texCoords.empty()) {
+        mesh.texCoords.push_back(mesh_.texCoords[vertex]);
+      }
+      if (partsHaveColors_) {
+        const auto c = std::bit_cast<std::array<std::uint8_t, 4>>(corner[1]);
+        mesh.colors.emplace_back(c[0], c[1], c[2], c[3]);
+      } else if (!mesh_.colors.empty()) {
+        mesh.colors.push_back(mesh_.colors[vertex]);
+      }
+    }
+    return mesh;
+  }
+
+  void add(Mesh mesh, int texture) {
+    Material material = defaultMaterial();
+    const auto& files = file_.textureFiles();
+    if (options_.loadTextures && !mesh.texCoords.empty() && std::size_t(texture) < files.size()) {
+      material.baseColorTexture.image =
+          imageOfFile(scene_, path_.parent_path(), files[texture], true, file_.name() + ": texture",
+                      "it is left out");
+    }
+    if (!mesh.colors.empty() || material.textured()) material.baseColor = vec4(1.0f);
+    mesh.name = scene_.objects[0];
+    mesh.origin = frame_.origin();
+    mesh.material = static_cast<int>(scene_.materials.size());
+    scene_.materials.push_back(std::move(material));
+    sanitiseMesh(scene_, mesh, file_.name());
+    Instance instance;
+    instance.name = mesh.name;
+    instance.mesh = static_cast<int>(scene_.meshes.size());
+    scene_.meshes.push_back(std::move(mesh));
+    scene_.instances.push_back(std::move(instance));
   }
 
   Scene finish() {
-    Scene scene;
-    scene.warnings = std::move(warnings_);
-    Material material = defaultMaterial();
-    if (!mesh_.colors.empty()) material.baseColor = vec4(1.0f);
-    scene.materials.push_back(std::move(material));
-    mesh_.name = std::filesystem::path(input_.name()).stem().string();
-    mesh_.origin = frame_.origin();
-    sanitiseMesh(scene, mesh_, input_.name());
-    Instance instance;
-    instance.name = mesh_.name;
-    scene.objects.push_back(mesh_.name);
-    scene.meshes.push_back(std::move(mesh_));
-    scene.instances.push_back(std::move(instance));
-    return scene;
+    scene_.objects.push_back(path_.stem().string());
+    if (file_.badNumbers() > 0) {
+      replace(file_.badNumbers(), "{} is not a number; not-a-number is used",
+              file_.firstBadNumber());
+    }
+    if (mesh_.triangles.empty() && parts_.empty() && !mesh_.positions.empty()) {
+      replace(1,
+              "it is a cloud of {} points without faces, which are not drawn; make a surface of "
+              "them first",
+              mesh_.positions.size());
+    }
+    for (auto& [texture, part] : parts_) {
+      if (!part.triangles.empty()) add(meshOf(part), texture);
+    }
+    if (!mesh_.triangles.empty() || parts_.empty()) add(std::move(mesh_), 0);
+    return std::move(scene_);
   }
 
-  InputFile input_;
-  Format format_ = Format::kAscii;
-  std::vector<Element> elements_;
-  std::string_view rest_;  ///< of the current line, ASCII only
-  Mesh mesh_;
+  PlyFile file_;
+  std::filesystem::path path_;
+  const ImportOptions& options_;
+  Scene scene_;
+  Mesh mesh_;  ///< all vertices, and the triangles that share them
+  std::map<int, Part> parts_;
+  bool partsHaveColors_ = false, partsHaveTexCoords_ = false;
   LocalFrame frame_;
-  std::vector<std::string> warnings_;
+  // Of the face under way.
+  std::vector<double> corners_;
+  std::vector<float> wedges_;
+  int texture_ = 0;
+  std::vector<dvec3> points_;
+  std::vector<std::uint32_t> numbers_;
+  PolygonCutter cutter_;
+  std::uint64_t smallFaces_ = 0, badFaces_ = 0, crossedFaces_ = 0;
+  std::string firstBadFace_;
 };
 
 }  // namespace
 
-Scene readPly(const std::filesystem::path& path) { return PlyReader(path).read(); }
+Scene readPly(const std::filesystem::path& path, const ImportOptions& options) {
+  return PlyReader(path, options).read();
+}
 
 }  // namespace trex::detail

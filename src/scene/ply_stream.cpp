@@ -1,12 +1,6 @@
 // Binary PLY files of positions, normals and colours as streams: the file is mapped, never held.
 // Others are left to the importer.
-#include <fcntl.h>
-#include <sys/mman.h>
-#include <sys/stat.h>
-#include <unistd.h>
-
 #include <algorithm>
-#include <array>
 #include <atomic>
 #include <bit>
 #include <cstring>
@@ -14,39 +8,14 @@
 #include <sstream>
 
 #include "src/scene/import_detail.h"
+#include "src/scene/mapped_file.h"
+#include "src/scene/polygon.h"
 #include "src/scene/triangle_stream.h"
 
 namespace trex::detail {
 namespace {
 
-/// A read-only map of a file.
-class Map {
- public:
-  explicit Map(const std::filesystem::path& path) {
-    const int file = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
-    struct stat status {};
-    if (file >= 0 && ::fstat(file, &status) == 0 && status.st_size > 0) {
-      size_ = static_cast<std::size_t>(status.st_size);
-      void* at = ::mmap(nullptr, size_, PROT_READ, MAP_SHARED, file, 0);
-      if (at != MAP_FAILED) data_ = static_cast<const std::uint8_t*>(at);
-    }
-    if (file >= 0) ::close(file);
-    if (data_ == nullptr) fail(ExitCode::kInput, "{}: can't be mapped", path.string());
-  }
-  ~Map() { ::munmap(const_cast<std::uint8_t*>(data_), size_); }
-  Map(const Map&) = delete;
-  Map& operator=(const Map&) = delete;
-  const std::uint8_t* data() const { return data_; }
-  std::size_t size() const { return size_; }
-  /// Takes what was read so far out of this process; it comes back when it is read again.
-  void forget() const { ::madvise(const_cast<std::uint8_t*>(data_), size_, MADV_DONTNEED); }
-
- private:
-  const std::uint8_t* data_ = nullptr;
-  std::size_t size_ = 0;
-};
-
-struct Layout {
+struct PlyLayout {
   std::uint64_t vertices = 0, faces = 0;
   std::size_t vertexStart = 0, faceStart = 0, stride = 0;
   // Bytes from the start of a vertex.
@@ -62,7 +31,7 @@ int indexOf(const std::string& name, std::initializer_list<const char*> names) {
 
 /// Takes a property of a vertex. False if the importer would show more of it than a stream can.
 bool takeProperty(const std::string& type, const std::string& name, std::size_t bytes, int* found,
-                  Layout& out) {
+                  PlyLayout& out) {
   const bool single = type == "float" || type == "float32";
   const bool byte = type == "uchar" || type == "uint8";
   if (indexOf(name, {"s", "u", "texture_u", "diffuse_red", "r"}) >= 0) return false;
@@ -93,7 +62,7 @@ std::size_t sizeOfType(const std::string& type) {
 
 /// False for anything but little endian bytes, x y z and normals of floats, colours of bytes, no
 /// texture coordinates, and faces of nothing but a list of u8 and 32-bit integers.
-bool readLayout(const std::filesystem::path& path, Layout& out) {
+bool readLayout(const std::filesystem::path& path, PlyLayout& out) {
   std::ifstream in(path, std::ios::binary);
   std::string line, section;
   int found[4] = {}, lists = 0;  // coordinates, of normals, channels, alpha
@@ -138,13 +107,16 @@ bool readLayout(const std::filesystem::path& path, Layout& out) {
 
 class PlyStream : public TriangleStream {
  public:
-  PlyStream(const std::filesystem::path& path, const Layout& layout, bool environmentGiven)
-      : map_(path), layout_(layout), source_(examineSource(path)) {
+  PlyStream(const std::filesystem::path& path, const PlyLayout& layout,
+            const ImportOptions& options)
+      : map_(path),
+        layout_(layout),
+        source_(examineSource(path)),
+        options_(options.key()),
+        toWorld_(options.toWorld()),
+        turn_(glm::mat3(glm::dmat3(toWorld_) / options.unit)) {
     scene_.source = path.string();
     scene_.files = {source_};
-    for (std::size_t i = 0; i < linear_.size(); ++i) {
-      linear_[i] = toUnorm8(decodeSrgb8(static_cast<std::uint8_t>(i)));
-    }
     measure();
     scene_.materials.push_back(defaultMaterial());
     if (layout_.colors) scene_.materials[0].baseColor = vec4(1.0f);
@@ -152,14 +124,16 @@ class PlyStream : public TriangleStream {
     scene_.meshes.emplace_back().name = scene_.objects[0];
     scene_.instances.emplace_back().name = scene_.objects[0];
     if (!bounds_.empty()) scene_.cameras.push_back(framingCamera(bounds_));
-    addDefaultLightAndCamera(scene_, environmentGiven);
+    addDefaultLightAndCamera(scene_, options.environmentGiven);
+    tellReplaced(scene_, options.strict);
   }
   const Scene& scene() const override { return scene_; }
   Box3d bounds() const override { return bounds_; }
   std::uint64_t triangleCount() const override { return triangles_; }
   std::uint64_t batchCount() const override { return starts_.size(); }
   std::string key() const override {
-    return fmt::format("{}|{}|{}", source_.path, source_.bytes, source_.modifiedNanoseconds);
+    return fmt::format("{}|{}|{}{}", source_.path, source_.bytes, source_.modifiedNanoseconds,
+                       options_);
   }
   StreamAttributes attributes() const override {
     return {.normals = layout_.normals, .texCoords = false, .colors = layout_.colors};
@@ -172,12 +146,17 @@ class PlyStream : public TriangleStream {
     std::size_t at = starts_[number].byte;
     const std::uint64_t end =
         number + 1 < starts_.size() ? starts_[number + 1].face : layout_.faces;
+    PolygonCutter cutter;
+    std::vector<dvec3> points;
     for (std::uint64_t face = starts_[number].face; face < end; ++face) {
       const std::uint32_t corners = map_.data()[at];
-      for (std::uint32_t c = 2; c < corners; ++c) {
-        add(at, 0, face, out);
-        add(at, c - 1, face, out);
-        add(at, c, face, out);
+      const bool good = cornersExist(at, corners);
+      points.assign(good ? corners : 0, dvec3(0.0));
+      if (corners > 3) {
+        for (std::uint32_t c = 0; c < points.size(); ++c) points[c] = position(indexAt(at, c));
+      }
+      for (const glm::uvec3& t : cutter.cut(points)) {
+        for (int k = 0; k < 3; ++k) add(indexAt(at, t[k]), out);
         if (layout_.normals) repairNormals(out);
       }
       at += 1 + 4ull * corners;
@@ -188,7 +167,7 @@ class PlyStream : public TriangleStream {
 
  private:
   static constexpr std::uint64_t kTriangles = 1u << 14;  ///< of a batch, the last face's apart
-  static constexpr std::uint64_t kForget = 64;           ///< batches between two of Map::forget()
+  static constexpr std::uint64_t kForget = 64;  ///< batches between two of MappedFile::forget()
   struct Start {
     std::size_t byte;
     std::uint64_t face;
@@ -202,11 +181,13 @@ class PlyStream : public TriangleStream {
     for (int k = 0; k < 3; ++k) std::memcpy(&p[k], vertex + place[k], sizeof(float));
     return p;
   }
-  vec3 position(std::uint64_t vertex) const { return floats(vertexAt(vertex), layout_.place); }
+  dvec3 position(std::uint64_t vertex) const {
+    return dvec3(toWorld_ * glm::dvec4(dvec3(floats(vertexAt(vertex), layout_.place)), 1.0));
+  }
   /// As the importer reads them: sRGB, alpha linear.
   glm::u8vec4 color(const std::uint8_t* vertex) const {
     glm::u8vec4 c(255);
-    for (int k = 0; k < 3; ++k) c[k] = linear_[vertex[layout_.color[k]]];
+    for (int k = 0; k < 3; ++k) c[k] = vertex[layout_.color[k]];
     if (layout_.alpha) c.a = vertex[layout_.color[3]];
     return c;
   }
@@ -222,16 +203,22 @@ class PlyStream : public TriangleStream {
       out.normals[i] = area > 0.0f && std::isfinite(area) ? face / area : vec3(0.0f, 0.0f, 1.0f);
     }
   }
-  void add(std::size_t at, std::uint32_t corner, std::uint64_t face, TriangleBatch& out) const {
+  /// Vertex of a corner of the face at a byte.
+  std::uint32_t indexAt(std::size_t at, std::uint32_t corner) const {
     std::uint32_t index;
     std::memcpy(&index, map_.data() + at + 1 + 4ull * corner, sizeof(index));
-    if (index >= layout_.vertices) {
-      fail(ExitCode::kInput, "{}: face {} refers to vertex {}, but there are {}", scene_.source,
-           face, index, layout_.vertices);
+    return index;
+  }
+  bool cornersExist(std::size_t at, std::uint32_t corners) const {
+    for (std::uint32_t c = 0; c < corners; ++c) {
+      if (indexAt(at, c) >= layout_.vertices) return false;
     }
+    return true;
+  }
+  void add(std::uint32_t index, TriangleBatch& out) const {
     const std::uint8_t* vertex = vertexAt(index);
-    out.positions.push_back(vec3(dvec3(floats(vertex, layout_.place)) - out.origin));
-    if (layout_.normals) out.normals.push_back(floats(vertex, layout_.normal));
+    out.positions.push_back(vec3(position(index) - out.origin));
+    if (layout_.normals) out.normals.push_back(turn_ * floats(vertex, layout_.normal));
     if (layout_.colors) out.colors.push_back(color(vertex));
   }
 
@@ -242,8 +229,8 @@ class PlyStream : public TriangleStream {
     if (layout_.vertices > (size - layout_.vertexStart) / layout_.stride) cut();
     Box3d box;
     for (std::uint64_t v = 0; v < layout_.vertices; ++v) {
-      const vec3 p = position(v);
-      if (isFinite(p)) box.extend(dvec3(p));
+      const dvec3 p = position(v);
+      if (isFinite(vec3(p))) box.extend(p);
       if (v % (std::uint64_t{1} << 24) == 0) map_.forget();
     }
     bounds_ = box;
@@ -251,7 +238,7 @@ class PlyStream : public TriangleStream {
         !glm::all(glm::lessThanEqual(glm::max(-box.lower, box.upper), dvec3(kMaxCoordinate)))) {
       fail(ExitCode::kInput, "{}: reaches beyond {:.0e} m", scene_.source, kMaxCoordinate);
     }
-    std::uint64_t inBatch = 0;
+    std::uint64_t inBatch = 0, badFaces = 0, firstBad = 0;
     std::size_t at = layout_.vertexStart + layout_.vertices * layout_.stride;
     for (std::uint64_t face = 0; face < layout_.faces; ++face) {
       if (face == 0 || inBatch >= kTriangles) {
@@ -261,23 +248,33 @@ class PlyStream : public TriangleStream {
       if (at >= size) cut();
       const std::uint32_t corners = map_.data()[at];
       if (4ull * corners >= size - at) cut();
-      const std::uint64_t fan = corners > 2 ? corners - 2 : 0;
+      const bool good = cornersExist(at, corners);
+      if (!good && badFaces++ == 0) firstBad = face;
+      const std::uint64_t fan = good && corners > 2 ? corners - 2 : 0;
       triangles_ += fan;
       inBatch += fan;
       at += 1 + 4ull * corners;
       if (face % (std::uint64_t{1} << 24) == 0) map_.forget();
     }
     map_.forget();
+    if (badFaces == 0) return;
+    scene_.replaced.add(
+        fmt::format("{}: face {} refers to vertices that are not among the {}; {} such faces are "
+                    "left out",
+                    scene_.source, firstBad, layout_.vertices, badFaces),
+        badFaces);
   }
 
-  Map map_;
-  Layout layout_;
+  MappedFile map_;
+  PlyLayout layout_;
   SourceFile source_;
+  std::string options_;  ///< of the import, as text
+  dmat4 toWorld_;
+  glm::mat3 turn_;  ///< of directions
   Scene scene_;
   Box3d bounds_;
   std::uint64_t triangles_ = 0;
   std::vector<Start> starts_;
-  std::array<std::uint8_t, 256> linear_{};  ///< of encoded bytes
   mutable std::atomic<std::uint64_t> reads_{0};
 };
 
@@ -286,12 +283,12 @@ class PlyStream : public TriangleStream {
 std::unique_ptr<TriangleStream> openPlyStream(const std::filesystem::path& path,
                                               const ImportOptions& options) {
   static_assert(std::endian::native == std::endian::little);
-  Layout layout;
+  PlyLayout layout;
   if (path.extension() != ".ply" || !std::filesystem::is_regular_file(path) ||
       !readLayout(path, layout)) {
     return nullptr;
   }
-  return std::make_unique<PlyStream>(path, layout, options.environmentGiven);
+  return std::make_unique<PlyStream>(path, layout, options);
 }
 
 }  // namespace trex::detail

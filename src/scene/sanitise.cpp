@@ -72,8 +72,8 @@ void sanitiseMesh(Scene& scene, Mesh& mesh, const std::string& where) {
   checkIndices(mesh, where);
   dropNonFinite(scene, mesh);
   if (const std::uint64_t count = fixNormals(mesh); count > 0) {
-    scene.warnings.push_back(
-        fmt::format("{}: {} unusable normals replaced by those of the faces", where, count));
+    scene.replaced.add(
+        fmt::format("{}: {} unusable normals replaced by those of the faces", where, count), count);
   }
   std::uint64_t badCoords = 0;
   for (vec2& uv : mesh.texCoords) {
@@ -82,8 +82,8 @@ void sanitiseMesh(Scene& scene, Mesh& mesh, const std::string& where) {
     ++badCoords;
   }
   if (badCoords > 0) {
-    scene.warnings.push_back(
-        fmt::format("{}: {} non-finite texture coordinates set to 0", where, badCoords));
+    scene.replaced.add(
+        fmt::format("{}: {} non-finite texture coordinates set to 0", where, badCoords), badCoords);
   }
 }
 
@@ -111,6 +111,31 @@ void checkExtent(const Scene& scene) {
   for (const Light& light : scene.lights) check(light.position, "light", light.name);
 }
 
+void removeUnusedImages(Scene& scene) {
+  std::vector<int> newIndex(scene.images.size(), kNone);
+  for (Material& m : scene.materials) {
+    for (Texture* t : m.textures()) {
+      if (!t->present()) continue;
+      if (scene.images[t->image].width == 0) *t = {};
+      if (t->present()) newIndex[t->image] = 0;
+    }
+  }
+  int kept = 0;
+  for (std::size_t i = 0; i < newIndex.size(); ++i) {
+    if (newIndex[i] == kNone) continue;
+    newIndex[i] = kept++;
+    if (newIndex[i] != static_cast<int>(i)) {
+      scene.images[newIndex[i]] = std::move(scene.images[i]);
+    }
+  }
+  scene.images.resize(kept);
+  for (Material& m : scene.materials) {
+    for (Texture* t : m.textures()) {
+      if (t->present()) t->image = newIndex[t->image];
+    }
+  }
+}
+
 void removeEmptyMeshes(Scene& scene) {
   std::vector<int> newIndex(scene.meshes.size(), kNone);
   int kept = 0;
@@ -128,11 +153,6 @@ void removeEmptyMeshes(Scene& scene) {
   scene.meshes.resize(kept);
   std::erase_if(scene.instances, [&](const Instance& i) { return newIndex[i.mesh] == kNone; });
   for (Instance& instance : scene.instances) instance.mesh = newIndex[instance.mesh];
-}
-
-std::uint8_t toUnorm8(float value) {
-  if (!(value > 0.0f)) return 0;
-  return static_cast<std::uint8_t>(std::min(value, 1.0f) * 255.0f + 0.5f);
 }
 
 }  // namespace trex::detail

@@ -1,5 +1,7 @@
 #include "src/scene/scene.h"
 
+#include <algorithm>
+
 namespace trex {
 namespace {
 
@@ -33,6 +35,37 @@ bool keepsAxes(const dmat4& m) {
 }
 
 }  // namespace
+
+glm::u8vec4 packVertexColor(const vec4& linear) {
+  glm::u8vec4 packed;
+  for (int k = 0; k < 4; ++k) {
+    const float c = linear[k] > 0.0f ? std::min(linear[k], 1.0f) : 0.0f;
+    packed[k] = static_cast<std::uint8_t>((k < 3 ? encodeSrgb(c) : c) * 255.0f + 0.5f);
+  }
+  return packed;
+}
+
+vec4 unpackVertexColor(glm::u8vec4 packed) {
+  static const std::array<float, 256> kLinear = [] {
+    std::array<float, 256> table{};
+    for (std::size_t i = 0; i < table.size(); ++i) {
+      table[i] = decodeSrgb8(static_cast<std::uint8_t>(i));
+    }
+    return table;
+  }();
+  return {kLinear[packed.x], kLinear[packed.y], kLinear[packed.z],
+          static_cast<float>(packed.w) / 255.0f};
+}
+
+vec4 unpackVertexColor(const vec4& packed) {
+  return unpackVertexColor(glm::u8vec4(packed * 255.0f + 0.5f));
+}
+
+void Replaced::add(std::string text, std::uint64_t parts) {
+  count += parts;
+  if (texts.size() >= kMostTexts) return;
+  if (std::find(texts.begin(), texts.end(), text) == texts.end()) texts.push_back(std::move(text));
+}
 
 std::uint64_t Scene::triangleCount() const {
   std::uint64_t count = 0;

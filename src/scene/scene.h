@@ -33,13 +33,15 @@ struct Image {
 };
 
 /// How a texture is read from an image. uv is transformed by offset + rotate(scale * uv)
-/// (KHR_texture_transform), wrapped, and sampled bilinearly; (0, 0) is the upper left corner.
+/// (KHR_texture_transform), wrapped, and sampled bilinearly by default; (0, 0) is the upper left
+/// corner.
 struct Texture {
   enum class Wrap : std::uint8_t { kRepeat, kMirror, kClamp };
   int image = kNone;
   Wrap wrapS = Wrap::kRepeat, wrapT = Wrap::kRepeat;
   vec2 offset{0.0f}, scale{1.0f};
   float rotation = 0.0f;
+  bool nearest = false;  ///< the nearest texel instead of a mix of four
   bool present() const { return image != kNone; }
   bool operator==(const Texture&) const = default;
 };
@@ -71,8 +73,29 @@ struct Material {
   Texture specularTexture;       ///< A
   Texture specularColorTexture;  ///< sRGB
   bool emits() const { return emission.x > 0.0f || emission.y > 0.0f || emission.z > 0.0f; }
+  std::array<const Texture*, 7> textures() const {
+    return {&baseColorTexture,    &metallicRoughnessTexture, &normalTexture,       &emissiveTexture,
+            &transmissionTexture, &specularTexture,          &specularColorTexture};
+  }
+  std::array<Texture*, 7> textures() {
+    return {&baseColorTexture,    &metallicRoughnessTexture, &normalTexture,       &emissiveTexture,
+            &transmissionTexture, &specularTexture,          &specularColorTexture};
+  }
+  bool textured() const {
+    for (const Texture* t : textures()) {
+      if (t->present()) return true;
+    }
+    return false;
+  }
   bool operator==(const Material&) const = default;
 };
+
+/// A vertex colour as it is kept: red, green and blue by the transfer function of sRGB, which has
+/// steps that the eye does not see in the dark, alpha linear. Clamped to [0, 1]; not-a-number is 0.
+glm::u8vec4 packVertexColor(const vec4& linear);
+/// The linear colour of one that is kept, or of one whose channels are in [0, 1].
+vec4 unpackVertexColor(glm::u8vec4 packed);
+vec4 unpackVertexColor(const vec4& packed);
 
 /// Triangles of one material. Arrays are either empty or as long as positions.
 struct Mesh {
@@ -82,7 +105,7 @@ struct Mesh {
   std::vector<glm::uvec3> triangles;  ///< indices into positions, all in range
   std::vector<vec3> normals;          ///< unit; empty: flat faces
   std::vector<vec2> texCoords;
-  std::vector<glm::u8vec4> colors;  ///< linear RGBA, multiplies the base colour
+  std::vector<glm::u8vec4> colors;  ///< see packVertexColor(); multiplies the base colour
   int material = 0;                 ///< index into Scene::materials, always valid
   int sameGeometryAs = kNone;       ///< earlier mesh with equal arrays and another material
 };
@@ -122,8 +145,9 @@ struct Camera {
   float verticalFov = 0.7f;                               ///< radians
   bool orthographic = false;
   float orthographicHeight = 1.0f;  ///< metres, whole height
-  float fstop = 0.0f;  ///< focal length over the lens's diameter; 0: a pinhole, all is sharp
-  float focus = 0.0f;  ///< with a lens: metres along `forward` to the plane that is sharp
+  float fstop = 0.0f;    ///< focal length over the lens's diameter; 0: a pinhole, all is sharp
+  float focus = 0.0f;    ///< with a lens: metres along `forward` to the plane that is sharp
+  bool framing = false;  ///< of framingCamera(): it shows all of a model in a square picture
   /// Of the lens, metres; 0 of a pinhole.
   float lensRadius() const {
     if (!(fstop > 0.0f) || orthographic) return 0.0f;
@@ -162,6 +186,16 @@ struct SourceFile {
   std::int64_t modifiedNanoseconds = 0;  ///< since 1970
 };
 
+/// Parts of a file that are not shown as the file has them: broken, missing, or not known here.
+struct Replaced {
+  static constexpr std::size_t kMostTexts = 200;
+  std::vector<std::string> texts;  ///< which part, what is wrong with it, what is shown instead
+  std::uint64_t count = 0;         ///< of all such parts; more than texts if there are many
+
+  /// Adds `parts` parts that one text speaks of. A text is kept once.
+  void add(std::string text, std::uint64_t parts = 1);
+};
+
 struct Scene {
   std::string source;             ///< path as given
   std::vector<SourceFile> files;  ///< all that the import read, the model's own first
@@ -175,6 +209,7 @@ struct Scene {
   std::vector<Medium> media;
   std::vector<std::string> objects;    ///< names by object id
   std::vector<std::string> warnings;   ///< said once on import
+  Replaced replaced;                   ///< said like warnings; errors with ImportOptions::strict
   std::uint64_t droppedTriangles = 0;  ///< with non-finite vertices
 
   std::uint64_t triangleCount() const;        ///< instances counted each time

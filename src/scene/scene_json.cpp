@@ -80,6 +80,7 @@ OrderedJson cameraJson(const Camera& c) {
     out["fstop"] = double{c.fstop};
     out["focus_metres"] = double{c.focus};
   }
+  if (c.framing) out["framing"] = true;
   return out;
 }
 
@@ -152,7 +153,7 @@ Light readLightJson(const JsonObject& o) {
 
 Camera readCameraJson(const JsonObject& o) {
   o.allow({"name", "eye", "forward", "up", "vertical_fov_radians", "orthographic",
-           "orthographic_height_metres", "fstop", "focus_metres"});
+           "orthographic_height_metres", "fstop", "focus_metres", "framing"});
   Camera c;
   c.name = o.text("name");
   o.numbers("eye", &c.eye[0], 3);
@@ -166,6 +167,7 @@ Camera readCameraJson(const JsonObject& o) {
     c.fstop = o.real("fstop", kLeast);
     c.focus = o.real("focus_metres", kLeast);
   }
+  c.framing = o.has("framing") && o.boolean("framing");
   return c;
 }
 

@@ -37,7 +37,7 @@ int wrapped(int i, int size, Texture::Wrap wrap) {
   return i < 0 ? 0 : i >= size ? size - 1 : i;
 }
 
-Tap tap(float coordinate, int size, Texture::Wrap wrap) {
+Tap tap(float coordinate, int size, Texture::Wrap wrap, bool nearest) {
   if (!std::isfinite(coordinate)) coordinate = 0.0f;
   float c = coordinate;
   if (wrap == Texture::Wrap::kRepeat) {
@@ -51,6 +51,10 @@ Tap tap(float coordinate, int size, Texture::Wrap wrap) {
   const float x = c * static_cast<float>(size) - 0.5f;
   const float base = std::floor(x);
   const int i = static_cast<int>(base);
+  if (nearest) {
+    const int texel = wrapped(x - base < 0.5f ? i : i + 1, size, wrap);
+    return {texel, texel, 0.0f};
+  }
   return {wrapped(i, size, wrap), wrapped(i + 1, size, wrap), x - base};
 }
 
@@ -111,8 +115,8 @@ vec2 transformUv(const Texture& texture, vec2 uv) {
 vec4 sampleTexture(const Image& image, const Texture& texture, vec2 uv, bool srgb) {
   if (!hasTexels(image)) return vec4(1.0f);
   uv = transformUv(texture, uv);
-  const Tap x = tap(uv.x, image.width, texture.wrapS);
-  const Tap y = tap(uv.y, image.height, texture.wrapT);
+  const Tap x = tap(uv.x, image.width, texture.wrapS, texture.nearest);
+  const Tap y = tap(uv.y, image.height, texture.wrapT, texture.nearest);
   const float* table = colorTable(srgb);
   const std::size_t upper = std::size_t(y.first) * image.width;
   const std::size_t lower = std::size_t(y.second) * image.width;

@@ -12,7 +12,9 @@ namespace {
 /// A scene's instances, cut into batches.
 class SceneStream : public TriangleStream {
  public:
-  explicit SceneStream(Scene scene) : scene_(std::move(scene)), bounds_(scene_.bounds()) {
+  /// `options` are those of the import, as text.
+  explicit SceneStream(Scene scene, std::string options = {})
+      : scene_(std::move(scene)), options_(std::move(options)), bounds_(scene_.bounds()) {
     for (std::size_t i = 0; i < scene_.instances.size(); ++i) {
       const std::size_t count = meshOf(i).triangles.size();
       triangles_ += count;
@@ -26,7 +28,7 @@ class SceneStream : public TriangleStream {
   std::uint64_t triangleCount() const override { return triangles_; }
   std::uint64_t batchCount() const override { return pieces_.size(); }
   std::string key() const override {
-    std::string key = scene_.source;
+    std::string key = scene_.source + options_;
     for (const SourceFile& f : scene_.files) {
       key += fmt::format("|{}|{}|{}", f.path, f.bytes, f.modifiedNanoseconds);
     }
@@ -61,17 +63,11 @@ class SceneStream : public TriangleStream {
   }
 
   Scene scene_;
+  std::string options_;
   Box3d bounds_;
   std::uint64_t triangles_ = 0;
   std::vector<Piece> pieces_;
 };
-
-bool texturesUsed(const Material& m) {
-  return m.baseColorTexture.present() || m.metallicRoughnessTexture.present() ||
-         m.normalTexture.present() || m.emissiveTexture.present() ||
-         m.transmissionTexture.present() || m.specularTexture.present() ||
-         m.specularColorTexture.present();
-}
 
 void SceneStream::batch(std::uint64_t number, TriangleBatch& out) const {
   out.clear();
@@ -87,7 +83,7 @@ void SceneStream::batch(std::uint64_t number, TriangleBatch& out) const {
                  glm::cross(linear[0], linear[1])) *
       (mirrored ? -1.0 : 1.0);
   const bool texCoords = !mesh.texCoords.empty() &&
-                         texturesUsed(scene_.materials[static_cast<std::size_t>(mesh.material)]);
+                         scene_.materials[static_cast<std::size_t>(mesh.material)].textured();
   // Floats around one origin for the whole scene keep edges of neighbours shared.
   out.origin = bounds_.centre();
   for (std::size_t t = piece.first; t < piece.end; ++t) {
@@ -164,7 +160,8 @@ std::unique_ptr<TriangleStream> openTriangleStream(const std::filesystem::path& 
                                                    const ImportOptions& options) {
   if (isSynthName(path.string())) return openSynth(path.string());
   if (auto stream = detail::openPlyStream(path, options)) return stream;
-  return streamOf(importScene(path, options));
+  if (auto stream = detail::openStlStream(path, options)) return stream;
+  return std::make_unique<SceneStream>(importScene(path, options), options.key());
 }
 
 }  // namespace trex

@@ -25,7 +25,7 @@ struct TriangleBatch {
   std::vector<vec3> positions;  ///< counter-clockwise from the front; need not be finite
   std::vector<vec3> normals;    ///< any length but zero
   std::vector<vec2> texCoords;
-  std::vector<glm::u8vec4> colors;
+  std::vector<glm::u8vec4> colors;  ///< of packVertexColor()
   std::vector<Run> runs;
 
   void clear();
@@ -61,8 +61,8 @@ class TriangleStream {
 };
 
 /// Opens a model as a stream: synth: names are generated, binary PLY files
-/// without texture coordinates are mapped, other files
-/// are imported whole. Throws Error as importScene() does.
+/// without texture coordinates and binary STL files are mapped, other files are imported whole.
+/// Throws Error as importScene() does.
 std::unique_ptr<TriangleStream> openTriangleStream(const std::filesystem::path& path,
                                                    const ImportOptions& options = {});
 

@@ -132,7 +132,11 @@ asvo::Shade MeshVoxelSource::shade(const asvo::Triangle& triangle, float u, floa
   const auto mix = [&](const auto* values) {
     return (1.0f - w.x - w.y) * values[0] + w.x * values[1] + w.y * values[2];
   };
-  const vec4 color = source.hasColors ? mix(source.color) : vec4(1.0f);
+  vec4 color(1.0f);
+  if (source.hasColors) {
+    for (vec4& corner : source.color) corner = unpackVertexColor(corner);
+    color = mix(source.color);
+  }
   return voxelShade(materials_[source.material], images_, mix(source.texCoord), color);
 }
 

@@ -84,7 +84,9 @@ class PageBlocks : public asvo::BlockSource {
       made.shadeKey = kPlain;
       if (!t.hasTexCoords && !t.hasColors) return;
       made.shadeKey = static_cast<std::uint32_t>(out.extra.size());
-      for (const vec4& color : t.color) out.extra.push_back(t.hasColors ? color : vec4(1.0f));
+      for (const vec4& color : t.color) {
+        out.extra.push_back(t.hasColors ? unpackVertexColor(color) : vec4(1.0f));
+      }
       for (const vec2& uv : t.texCoord) out.extra.push_back(vec4(uv, 0.0f, 0.0f));
     });
   }

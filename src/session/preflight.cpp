@@ -53,16 +53,21 @@ std::uint64_t sourceBytes(const Scene& scene) {
   return bytes;
 }
 
-void refuse(const Preflight& p, const RenderSettings& settings) {
+/// Of a model that is not baked.
+constexpr const char* kBakeInstead =
+    "; or trex bake --stream it to a bundle, which is read in parts";
+
+void refuse(const Preflight& p, const RenderSettings& settings, bool baked) {
   std::string table;
   for (const Preflight::Phase& phase : p.phases) {
     table += fmt::format(" {} {},", phase.name, formatBytes(phase.bytes));
   }
   table.back() = '.';
   fail(ExitCode::kMemoryOrDevice,
-       "needs about {}, allowed are {}:{} Make --max-memory larger, --size smaller, or use {}",
+       "needs about {}, allowed are {}:{} Make --max-memory larger, --size smaller, or use {}{}",
        formatBytes(p.needed), formatBytes(p.allowed), table,
-       settings.device == RenderSettings::kNoDevice ? "a smaller model" : "--device none");
+       settings.device == RenderSettings::kNoDevice ? "a smaller model" : "--device none",
+       baked ? "" : kBakeInstead);
 }
 
 /// Of a generated model's arrays, before they are made.
@@ -91,9 +96,9 @@ void checkSourceFits(const std::filesystem::path& source, const RenderSettings& 
   const std::uint64_t allowed = allowedBytes(settings);
   if (residentBytes() + least > allowed) {
     fail(ExitCode::kMemoryOrDevice,
-         "{}: {} of model need at least {} of memory, allowed are {}; make --max-memory larger",
+         "{}: {} of model need at least {} of memory, allowed are {}; make --max-memory larger{}",
          source.string(), formatBytes(size), formatBytes(residentBytes() + least),
-         formatBytes(allowed));
+         formatBytes(allowed), kBakeInstead);
   }
 }
 
@@ -124,7 +129,7 @@ Preflight preflight(const Scene& scene, const RenderSettings& settings, const Pi
                          (device ? kDeviceBytes : 0) + (voxels ? voxelBytes : 0) +
                          frameBytes(settings, layers));
   logVerbose("memory: {:>10} allowed", formatBytes(p.allowed));
-  if (p.needed > p.allowed) refuse(p, settings);
+  if (p.needed > p.allowed) refuse(p, settings, bakedBytes > 0);
   if (voxels) {
     // What does not fit on the device is paged.
     p.voxelBytes = kFewestVoxelBytes + (p.allowed - p.needed) / kVoxelCopies;

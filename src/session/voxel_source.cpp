@@ -89,7 +89,7 @@ asvo::Shade VoxelSource::shade(const asvo::Triangle& triangle, float u, float v)
     uv = mix([&](std::uint32_t k) { return placed.mesh->texCoords[k]; });
   }
   if (!placed.mesh->colors.empty()) {
-    color = mix([&](std::uint32_t k) { return vec4(placed.mesh->colors[k]) / 255.0f; });
+    color = mix([&](std::uint32_t k) { return unpackVertexColor(placed.mesh->colors[k]); });
   }
   return voxelShade(m, scene_.images, uv, color);
 }

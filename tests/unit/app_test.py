@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Tests of the program as a user runs it: results, wrong uses, bad files, interrupts, equal bits."""
-import argparse, json, os, shutil, signal, struct, subprocess, sys, tempfile, time, unittest
+import argparse, json, math, os, shutil, signal, struct, subprocess, sys, tempfile, time, unittest
 
 TREX = ASSETS = None
 
@@ -183,11 +183,6 @@ class AppTest(unittest.TestCase):
                 ("nothing.glb", triangle(nodes=[{}]), "nothing.glb"),
                 ("required.glb", triangle(extensionsUsed=["KHR_unheard_of"], extensionsRequired=["KHR_unheard_of"]),
                  "KHR_unheard_of"),
-                ("image.glb", triangle(
-                    images=[{"uri": "data:image/png;base64,AAAA"}], textures=[{"source": 0}],
-                    materials=[{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
-                    meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}]),
-                 "image.glb"),
                 ("cut.ply", b"ply\nformat binary_little_endian 1.0\nelement vertex 999\nproperty float x\n"
                             b"property float y\nproperty float z\nend_header\n", "cut.ply"),
                 ("bad.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "bad.obj"),
@@ -197,6 +192,58 @@ class AppTest(unittest.TestCase):
         self.refused(3, "render", self.path("missing.glb"), "-o", self.path("a.png"), says="missing.glb")
         self.refused(3, "render", self.folder, "-o", self.path("a.png"))
         self.refused(3, "render", self.cornell, "-o", self.path("a.png"), "--env", self.path("none.hdr"), says="none.hdr")
+
+    def test_replaced_parts(self):
+        """One bad part does not refuse the rest; it is counted, kept in bundles, and an error with --strict."""
+        bad = self.path("image.glb", triangle(
+            images=[{"uri": "data:image/png;base64,AAAA"}], textures=[{"source": 0}],
+            materials=[{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+            meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}]))
+        small = ("--size", "8x8", "--spp", 1, "--exact", 1)
+        summary = json.loads(run("render", bad, "-o", self.path("a.png"), *small, "--json").stdout)
+        self.assertEqual(summary["replaced_parts"], 1)
+        bundle = self.path("b.trex")
+        baked = json.loads(run("bake", bad, "-o", bundle, "--no-voxels", "--json").stdout)
+        self.assertEqual(baked["replaced_parts"], 1)
+        for model in (bad, bundle):
+            info = json.loads(run("info", model, "--json").stdout)
+            self.assertEqual(info["replaced_parts"], 1)
+            self.assertIn("image 0", info["replaced"][0])
+            self.assertIn("replaced", run("info", model).stdout)
+            self.refused(3, "render", model, "-o", self.path("c.png"), *small, "--strict", says="image 0")
+            self.refused(3, "info", model, "--strict", says="image 0")
+        self.refused(3, "bake", bad, "-o", self.path("d.trex"), "--strict", says="image 0")
+
+    def test_options_before_the_model(self):
+        small = ("--size", "8x8", "--spp", 1, "--exact", 1)
+        for options in (("--aov", "albedo,depth"), ("--aov", "albedo", "--aov", "depth"),
+                        ("--camera", "-3,2,8/0,0,0/0,1,0/40"), ("--env", "1,1,1")):
+            result = run("render", *options, self.cornell, "-o", self.path("a.exr"), *small)
+            self.assertEqual(result.returncode, 0, (options, result.stderr))
+        self.assertIn("bake", run("help").stdout)
+        self.assertIn("--strict", run("help", "render").stdout)
+
+    def test_a_model_on_standard_input(self):
+        for name in ("/dev/stdin", "-"):
+            result = run("render", name, "-o", self.path("a.png"), input="glTF")
+            self.assertEqual(result.returncode, 3, result.stderr)
+            self.assertIn("save it", result.stderr)
+
+    def test_framing_of_tall_pictures(self):
+        """A bar without a camera is whole in a portrait too: both edges of the picture are background."""
+        bar = self.path("bar.glb", triangle(positions=(-10, 0, 0, 10, 0, 0, 10, 1, 0)))
+        for size in ("32x32", "16x48"):
+            out = self.path("a.exr")
+            summary = json.loads(run("render", bar, "-o", out, "--size", size, "--spp", 4, "--exact", 1,
+                                     "--aov", "objectId", "--json").stdout)
+            eye, target, _, fov = summary["camera"].split("/")
+            width, height = (int(n) for n in size.split("x"))
+            eye, target = ([float(n) for n in t.split(",")] for t in (eye, target))
+            forward = [b - a for a, b in zip(eye, target)]
+            half = math.tan(math.radians(float(fov)) / 2) * width / height
+            for x in (-10, 10):
+                depth = sum(f * (p - e) for f, p, e in zip(forward, (x, 0, 0), eye))
+                self.assertLess(abs(x), depth * half)
 
     def test_unwritable_output(self):
         self.refused(5, "render", self.cornell, "-o", self.path("no/such/a.png"), says="no/such")

@@ -204,7 +204,7 @@ struct Mutation {
 /// Each must be an error that names its place.
 std::vector<Mutation> mutations() {
   const json none = json::value_t::discarded;
-  return {{"/trex", 2},
+  return {{"/trex", 3},
           {"/trex", "1"},
           {"/extra", 1},
           {"/cameras", json::array()},

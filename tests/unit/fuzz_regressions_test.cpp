@@ -81,13 +81,13 @@ TEST_F(FuzzRegressions, IndicesInExtensionsAreChecked) {
     model.doc["extensionsUsed"] = {"KHR_lights_punctual"};
     model.doc["extensions"]["KHR_lights_punctual"]["lights"] = {{{"type", "point"}}};
     model.doc["nodes"][0]["extensions"]["KHR_lights_punctual"]["light"] = index;
-    EXPECT_NE(refusal(model).find("light -1 does not exist"), std::string::npos) << index;
+    EXPECT_TRUE(anyReplaced(import("m.glb", model.glb()), "light -1 does not exist")) << index;
 
     model = triangleGlb();
     model.doc["meshes"][0]["primitives"][0]["material"] = 0;
     model.doc["materials"] = {
         {{"extensions", {{"KHR_materials_specular", {{"specularTexture", {{"index", index}}}}}}}}};
-    EXPECT_NE(refusal(model).find("specularTexture has no index"), std::string::npos) << index;
+    EXPECT_TRUE(anyReplaced(import("m.glb", model.glb()), "specularTexture has no index")) << index;
   }
 }
 

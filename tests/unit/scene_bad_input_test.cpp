@@ -33,9 +33,8 @@ TEST_F(SceneBadInput, Gltf) {
   const std::vector<Case> cases = {
       {"version 1", [](json& d) { d["asset"]["version"] = "1.0"; }, "version 1.0"},
       {"no asset", [](json& d) { d.erase("asset"); }, "asset"},
-      {"required extension",
-       [](json& d) { d["extensionsRequired"] = {"KHR_draco_mesh_compression"}; },
-       "KHR_draco_mesh_compression"},
+      {"required extension", [](json& d) { d["extensionsRequired"] = {"EXT_of_another_geometry"}; },
+       "EXT_of_another_geometry"},
       {"count beyond the view", [](json& d) { d["accessors"][0]["count"] = 4; }, "accessor 0"},
       {"count of 2^62", [](json& d) { d["accessors"][0]["count"] = 1ull << 62; }, "accessor 0"},
       {"count 0", [](json& d) { d["accessors"][0]["count"] = 0; }, "accessor 0"},
@@ -77,58 +76,12 @@ TEST_F(SceneBadInput, Gltf) {
        },
        "sparse"},
       {"no such mesh", [](json& d) { d["nodes"][0]["mesh"] = 5; }, "mesh 5"},
-      {"no such scene", [](json& d) { d["scene"] = 4; }, "scene 4"},
-      {"no such child", [](json& d) { d["nodes"][0]["children"] = {77}; }, "node 77"},
-      {"node cycle", [](json& d) { d["nodes"][0]["children"] = {0}; }, "node 0"},
-      {"no such material", [](json& d) { d["meshes"][0]["primitives"][0]["material"] = 2; },
-       "material 2"},
-      {"no such texture",
-       [](json& d) {
-         d["materials"] = {{{"normalTexture", {{"index", 6}}}}};
-         d["meshes"][0]["primitives"][0]["material"] = 0;
-       },
-       "texture 6"},
-      {"broken image",
-       [](json& d) {
-         d["images"] = {{{"bufferView", 0}, {"name", "leaf"}}};
-         d["textures"] = {{{"source", 0}}};
-         d["materials"] = {{{"normalTexture", {{"index", 0}}}}};
-         d["meshes"][0]["primitives"][0]["material"] = 0;
-       },
-       "leaf"},
-      {"missing image",
-       [](json& d) {
-         d["images"] = {{{"uri", "leaf.png"}}};
-         d["textures"] = {{{"source", 0}}};
-         d["materials"] = {{{"normalTexture", {{"index", 0}}}}};
-         d["meshes"][0]["primitives"][0]["material"] = 0;
-       },
-       "leaf.png"},
       {"transform overflows",
        [](json& d) {
          d["nodes"] = {{{"scale", {1e300, 1, 1}}, {"children", {1}}},
                        {{"mesh", 0}, {"scale", {1e300, 1, 1}}}};
        },
        "node 1"},
-      {"zero rotation",
-       [](json& d) {
-         d["nodes"][0]["rotation"] = {0, 0, 0, 0};
-       },
-       "node 0"},
-      {"short matrix",
-       [](json& d) {
-         d["nodes"][0]["matrix"] = {1, 2, 3};
-       },
-       "matrix"},
-      {"no such camera", [](json& d) { d["nodes"][0]["camera"] = 0; }, "camera 0"},
-      {"field of view of 0",
-       [](json& d) {
-         d["cameras"] = {{{"type", "perspective"}, {"perspective", {{"yfov", 0}, {"znear", 1}}}}};
-         d["nodes"][0]["camera"] = 0;
-       },
-       "yfov"},
-      {"no such light",
-       [](json& d) { d["nodes"][0]["extensions"]["KHR_lights_punctual"]["light"] = 1; }, "light 1"},
       {"nothing to render", [](json& d) { d["nodes"][0].erase("mesh"); }, "no triangle"},
       {"missing buffer file", [](json& d) { d["buffers"][0]["uri"] = "none.bin"; }, "none.bin"},
       {"buffer longer than the file", [](json& d) { d["buffers"][0]["byteLength"] = 1 << 30; },
@@ -263,7 +216,6 @@ TEST_F(SceneBadInput, Obj) {
                         {"index beyond", "f 1 2 4\n", ":4: vertex 4"},
                         {"index 0", "f 0 1 2\n", "vertex 0"},
                         {"negative beyond", "f -4 -1 -2\n", "vertex -4"},
-                        {"normal beyond", "f 1//1 2//1 3//1\n", "normal 1"},
                         {"too large", "f 1 2 99999999999999999999\n", "corner"},
                         {"four slashes", "f 1/1/1/1 2 3\n", ":4:"},
                         {"words", "f a b c\n", "corner"},
@@ -271,20 +223,6 @@ TEST_F(SceneBadInput, Obj) {
                         {"short vertex", "v 0 0\n", "missing"},
                         {"all lost", "v nan 0 0\nf 1 2 4\n", "non-finite"}}) {
     expectError(c.what, "bad.obj", points + c.text, c.message);
-  }
-  write("bad.mtl", "newmtl m\nmap_Kd none.png\n");
-  try {
-    import("a.obj", points + "mtllib bad.mtl\n");
-    FAIL();
-  } catch (const Error& e) {
-    EXPECT_NE(std::string(e.what()).find("none.png"), std::string::npos) << e.what();
-  }
-  write("bad.mtl", "newmtl m\nKd red\n");
-  try {
-    import("a.obj", points + "mtllib bad.mtl\n");
-    FAIL();
-  } catch (const Error& e) {
-    EXPECT_NE(std::string(e.what()).find("bad.mtl:2"), std::string::npos) << e.what();
   }
 }
 

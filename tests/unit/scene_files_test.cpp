@@ -38,7 +38,7 @@ TEST_F(ScenePly, AsciiWithEverything) {
   EXPECT_EQ(m.triangles[1], glm::uvec3(0, 2, 3));
   EXPECT_EQ(m.texCoords[0], vec2(0, 1));  // rows are counted from the top here
   EXPECT_EQ(m.normals[3], vec3(0, 0, 1));
-  EXPECT_EQ(m.colors[0], glm::u8vec4(255, 0, 128, 255));  // sRGB 188 is linear 0.5
+  EXPECT_EQ(m.colors[0], glm::u8vec4(255, 0, 188, 255));  // as they are: sRGB
   EXPECT_EQ(s.materials[0].baseColor, vec4(1));
   EXPECT_EQ(s.materials[0].specular, 0.0f);
 }

@@ -105,17 +105,17 @@ TEST_F(SceneGltf, PointsAndLinesAreSkippedWithAWarning) {
   b.node({{"mesh", b.mesh({{"attributes", {{"POSITION", 0}}}, {"mode", 1}})}});
   const Scene s = import("a.glb", b.glb());
   EXPECT_EQ(s.instances.size(), 1u);
-  EXPECT_TRUE(anyWarning(s, "points and lines"));
+  EXPECT_TRUE(anyReplaced(s, "points or lines"));
 }
 
-TEST_F(SceneGltf, MorphTargetsAndSkinsAreIgnoredWithAWarning) {
+TEST_F(SceneGltf, SkinsWithoutJointsAreShownUnbent) {
   GlbBuilder b = triangleGlb();
-  b.doc["meshes"][0]["primitives"][0]["targets"] = {{{"POSITION", 0}}};
   b.doc["nodes"][0]["skin"] = 0;
   b.doc["skins"] = {{{"joints", {0}}}};
   const Scene s = import("a.glb", b.glb());
-  EXPECT_TRUE(anyWarning(s, "morph"));
-  EXPECT_TRUE(anyWarning(s, "skin"));
+  EXPECT_EQ(s.replaced.count, 1u);
+  EXPECT_TRUE(anyReplaced(s, "JOINTS_0"));
+  EXPECT_EQ(s.bounds().upper, dvec3(1, 1, 0));
 }
 
 TEST_F(SceneGltf, VertexColours) {
@@ -143,7 +143,8 @@ TEST_F(SceneGltf, VertexColours) {
     b.doc["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = a;
     const Scene s = import("a.glb", b.glb());
     ASSERT_EQ(s.meshes[0].colors.size(), 3u);
-    EXPECT_EQ(s.meshes[0].colors[0], glm::u8vec4(51, 255, 255, 255)) << c.type << c.shape;
+    EXPECT_EQ(s.meshes[0].colors[0], packVertexColor({0.2f, 1.0f, 1.0f, 1.0f}))
+        << c.type << c.shape;
   }
 }
 

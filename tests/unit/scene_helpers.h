@@ -125,11 +125,19 @@ std::string tinyPng();
 
 std::string base64(const std::string& bytes);
 
+inline bool anyReplaced(const Scene& scene, const std::string& part) {
+  for (const std::string& text : scene.replaced.texts) {
+    if (text.find(part) != std::string::npos) return true;
+  }
+  return false;
+}
+
+/// What was said on import, of replaced parts too.
 inline bool anyWarning(const Scene& scene, const std::string& part) {
   for (const std::string& w : scene.warnings) {
     if (w.find(part) != std::string::npos) return true;
   }
-  return false;
+  return anyReplaced(scene, part);
 }
 
 }  // namespace trex::test

@@ -108,7 +108,12 @@ class StreamBake(unittest.TestCase):
         wavy_ply(self.path("m.ply"), 121)
         self.assertIn("changed", self.render("a.trex", "c.exr", code=3))
         wavy_ply(self.path("m.ply"), 20, last=441)
-        self.assertIn("vertex 441", self.bake("c.trex", "--stream", model=self.path("m.ply"), code=3))
+        bad = self.bake("c.trex", "--stream", model=self.path("m.ply"))
+        self.assertEqual((bad["replaced_parts"], bad["triangles"]), (1, 799))
+        info = json.loads(run("info", self.path("c.trex"), "--json").stdout)
+        self.assertIn("face 799 refers to vertices", info["replaced"][0])
+        self.assertIn("face 799", self.bake("d.trex", "--stream", "--strict", model=self.path("m.ply"), code=3))
+        os.remove(self.path("c.trex"))
         wavy_ply(self.path("m.ply"), 20)
         size = os.path.getsize(self.path("m.ply"))
         for cut in (size - 1, size // 2, size // 8):

@@ -1,0 +1,72 @@
+#include "src/scene/statements.h"
+
+#include <cmath>
+
+#include "src/core/error.h"
+
+namespace trex::detail {
+namespace {
+
+bool takesName(std::string_view keyword) {
+  for (const std::string_view name :
+       {"o", "g", "usemtl", "newmtl", "mtllib", "bump", "norm", "disp", "decal", "refl"}) {
+    if (keyword == name) return true;
+  }
+  return keyword.starts_with("map_");
+}
+
+void lowerCase(std::string_view word, std::string& out) {
+  out.assign(word);
+  for (char& c : out) c = static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
+}
+
+}  // namespace
+
+std::string_view withoutComment(std::string_view arguments) {
+  std::size_t at = arguments.find('#');
+  while (at != arguments.npos && at > 0 && arguments[at - 1] != ' ' && arguments[at - 1] != '\t') {
+    at = arguments.find('#', at + 1);
+  }
+  return trimmed(arguments.substr(0, at));
+}
+
+bool Statements::next(std::string_view& keyword, std::string_view& arguments) {
+  std::string_view line;
+  while (input_.readLine(line)) {
+    const std::string_view word = nextWord(line);
+    if (word.empty() || word.front() == '#') continue;
+    lowerCase(word, keyword_);
+    keyword = keyword_;
+    if (takesName(keyword_)) {
+      arguments = trimmed(line);
+      return true;
+    }
+    arguments = withoutComment(line);
+    if (arguments.empty() || arguments.back() != '\\') return true;
+    joined_.clear();
+    while (!arguments.empty() && arguments.back() == '\\') {
+      joined_.append(arguments.substr(0, arguments.size() - 1)).push_back(' ');
+      if (joined_.size() > InputFile::kMaxLine) {
+        fail(ExitCode::kInput, "{}: line too long", where());
+      }
+      arguments = {};
+      if (input_.readLine(line)) arguments = withoutComment(line);
+    }
+    joined_.append(arguments);
+    arguments = joined_;
+    return true;
+  }
+  return false;
+}
+
+bool parseNumber(std::string_view word, double& value) {
+  if (parseDouble(word, value)) return true;
+  if (word.find("#QNAN") == word.npos && word.find("#INF") == word.npos &&
+      word.find("#IND") == word.npos && word.find("#SNAN") == word.npos) {
+    return false;
+  }
+  value = std::nan("");
+  return true;
+}
+
+}  // namespace trex::detail

@@ -1,0 +1,38 @@
+// Lines of OBJ and MTL files: a keyword and its arguments.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "src/scene/input_file.h"
+
+namespace trex::detail {
+
+/// Reads statements as exporters write them: comments after arguments, lines that a backslash
+/// continues, keywords in any case. Names of materials, objects and files may have blanks and '#'
+/// in them, so a statement of a name keeps all of its line and is never continued.
+class Statements {
+ public:
+  explicit Statements(const std::filesystem::path& path) : input_(path) {}
+
+  /// The next statement: its keyword in lower case, and its arguments without blanks at both ends.
+  /// Both are valid until the next call; false at the end of the file.
+  bool next(std::string_view& keyword, std::string_view& arguments);
+
+  const std::string& file() const { return input_.name(); }
+  std::uint64_t lineNumber() const { return input_.lineNumber(); }
+  std::string where() const { return file() + ":" + std::to_string(lineNumber()); }
+
+ private:
+  InputFile input_;
+  std::string keyword_, joined_;
+};
+
+/// A name without the comment behind it, if it looks like having one.
+std::string_view withoutComment(std::string_view arguments);
+
+/// Number of a word. "1.#QNAN", "1.#INF" and "-1.#IND", as one compiler's library writes what is
+/// not finite, are not-a-number. False for other words.
+bool parseNumber(std::string_view word, double& value);
+
+}  // namespace trex::detail

@@ -1,0 +1,28 @@
+// What the readers of STL share.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <filesystem>
+
+#include "src/scene/import.h"
+
+namespace trex::detail {
+
+/// Bytes of a binary file: 80 of text and the count (u32), then for each triangle its normal and
+/// three corners (3 f32 each, little endian) and 2 of attributes, which are not read.
+inline constexpr std::size_t kStlHeader = 84, kStlTriangle = 50;
+
+struct StlKind {
+  bool binary = false;
+  std::uint64_t said = 0;       ///< triangles, by the header
+  std::uint64_t triangles = 0;  ///< of those that the file has room for; all if it says 0
+};
+
+/// Looks at the first bytes and the size. Throws Error(kInput) if the file can't be read.
+StlKind kindOfStl(const std::filesystem::path& path);
+
+/// Warns that a file has no unit, unless one was given.
+void noteStlUnit(Scene& scene, const std::filesystem::path& path, const ImportOptions& options);
+
+}  // namespace trex::detail

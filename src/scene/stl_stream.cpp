@@ -1,0 +1,111 @@
+// Binary STL files as streams: the file is mapped, never held.
+#include <algorithm>
+#include <atomic>
+#include <bit>
+#include <cstring>
+
+#include "src/scene/import_detail.h"
+#include "src/scene/mapped_file.h"
+#include "src/scene/stl_file.h"
+#include "src/scene/triangle_stream.h"
+
+namespace trex::detail {
+namespace {
+
+class StlStream : public TriangleStream {
+ public:
+  StlStream(const std::filesystem::path& path, const StlKind& kind, const ImportOptions& options)
+      : map_(path),
+        triangles_(kind.triangles),
+        source_(examineSource(path)),
+        options_(options.key()),
+        toWorld_(options.toWorld()) {
+    scene_.source = path.string();
+    scene_.files = {source_};
+    if (kStlHeader + kStlTriangle * triangles_ > map_.size()) {
+      fail(ExitCode::kInput, "{}: the file ends early", scene_.source);
+    }
+    measure();
+    scene_.materials.push_back(defaultMaterial());
+    scene_.objects.push_back(path.stem().string());
+    scene_.meshes.emplace_back().name = scene_.objects[0];
+    scene_.instances.emplace_back().name = scene_.objects[0];
+    if (kind.said != kind.triangles) {
+      scene_.replaced.add(
+          fmt::format("{}: its header says {} triangles, it has room for {}; those are shown",
+                      scene_.source, kind.said, kind.triangles));
+    }
+    noteStlUnit(scene_, path, options);
+    if (!bounds_.empty()) scene_.cameras.push_back(framingCamera(bounds_));
+    addDefaultLightAndCamera(scene_, options.environmentGiven);
+    tellReplaced(scene_, options.strict);
+  }
+  const Scene& scene() const override { return scene_; }
+  Box3d bounds() const override { return bounds_; }
+  std::uint64_t triangleCount() const override { return triangles_; }
+  std::uint64_t batchCount() const override {
+    return (triangles_ + kBatchTriangles - 1) / kBatchTriangles;
+  }
+  std::string key() const override {
+    return fmt::format("{}|{}|{}{}", source_.path, source_.bytes, source_.modifiedNanoseconds,
+                       options_);
+  }
+
+  void batch(std::uint64_t number, TriangleBatch& out) const override {
+    out.clear();
+    out.origin = bounds_.empty() ? dvec3(0.0) : bounds_.centre();
+    const std::uint64_t first = number * kBatchTriangles;
+    const std::uint64_t end = std::min<std::uint64_t>(triangles_, first + kBatchTriangles);
+    for (std::uint64_t t = first; t < end; ++t) {
+      for (int k = 0; k < 3; ++k) out.positions.push_back(vec3(corner(t, k) - out.origin));
+    }
+    out.runs.push_back({0, 0, out.triangles()});
+    if (++reads_ % kForget == 0) map_.forget();
+  }
+
+ private:
+  static constexpr std::uint64_t kForget = 16;  ///< batches between two of MappedFile::forget()
+
+  dvec3 corner(std::uint64_t triangle, int k) const {
+    vec3 p;
+    std::memcpy(&p.x, map_.data() + kStlHeader + kStlTriangle * triangle + 12 * (k + 1), 12);
+    return dvec3(toWorld_ * glm::dvec4(dvec3(p), 1.0));
+  }
+
+  void measure() {
+    for (std::uint64_t t = 0; t < triangles_; ++t) {
+      for (int k = 0; k < 3; ++k) {
+        const dvec3 p = corner(t, k);
+        if (isFinite(vec3(p))) bounds_.extend(p);
+      }
+      if (t % (std::uint64_t{1} << 20) == 0) map_.forget();
+    }
+    map_.forget();
+    if (!bounds_.empty() && !glm::all(glm::lessThanEqual(glm::max(-bounds_.lower, bounds_.upper),
+                                                         dvec3(kMaxCoordinate)))) {
+      fail(ExitCode::kInput, "{}: reaches beyond {:.0e} m", scene_.source, kMaxCoordinate);
+    }
+  }
+
+  MappedFile map_;
+  std::uint64_t triangles_ = 0;
+  SourceFile source_;
+  std::string options_;  ///< of the import, as text
+  dmat4 toWorld_;
+  Scene scene_;
+  Box3d bounds_;
+  mutable std::atomic<std::uint64_t> reads_{0};
+};
+
+}  // namespace
+
+std::unique_ptr<TriangleStream> openStlStream(const std::filesystem::path& path,
+                                              const ImportOptions& options) {
+  static_assert(std::endian::native == std::endian::little);
+  if (path.extension() != ".stl" || !std::filesystem::is_regular_file(path)) return nullptr;
+  const StlKind kind = kindOfStl(path);
+  if (!kind.binary) return nullptr;
+  return std::make_unique<StlStream>(path, kind, options);
+}
+
+}  // namespace trex::detail

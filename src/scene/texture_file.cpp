@@ -1,0 +1,89 @@
+#include "src/scene/texture_file.h"
+
+#include <algorithm>
+
+#include "src/scene/image_io.h"
+#include "src/scene/import_detail.h"
+#include "src/scene/input_file.h"
+
+namespace trex::detail {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool isFile(const fs::path& path) {
+  std::error_code error;
+  return fs::is_regular_file(path, error);
+}
+
+std::string lower(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) {
+    return static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
+  });
+  return text;
+}
+
+/// A file of the folder whose name differs in case alone, the first by name; empty if none.
+fs::path otherCase(const fs::path& path) {
+  constexpr int kMostEntries = 10'000;
+  const std::string wanted = lower(path.filename().string());
+  fs::path best;
+  std::error_code error;
+  int entries = 0;
+  const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
+  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
+    if (++entries > kMostEntries) break;
+    const fs::path& found = at->path();
+    if (lower(found.filename().string()) != wanted || !isFile(found)) continue;
+    if (best.empty() || found < best) best = found;
+  }
+  return best;
+}
+
+}  // namespace
+
+fs::path findFile(const fs::path& folder, std::string name) {
+  if (name.size() > 1 && name.front() == '"' && name.back() == '"') {
+    name = name.substr(1, name.size() - 2);
+  }
+  for (const std::string& text : {name, utf8Of(name)}) {
+    if (isFile(folder / text)) return folder / text;
+  }
+  std::replace(name.begin(), name.end(), '\\', '/');
+  const fs::path written = folder / name;
+  const fs::path beside = folder / fs::path(name).filename();
+  for (const fs::path& path : {written, beside}) {
+    if (isFile(path)) return path;
+  }
+  for (const fs::path& path : {written, beside}) {
+    if (const fs::path other = otherCase(path); !other.empty()) return other;
+  }
+  return written;
+}
+
+int imageOfFile(Scene& scene, const fs::path& folder, const std::string& name, bool srgb,
+                const std::string& where, const std::string& instead) {
+  if (name.find("://") != name.npos) {
+    scene.replaced.add(
+        fmt::format("{}: '{:.80}' is on the network, which is not read; {}", where, name, instead));
+    return kNone;
+  }
+  const fs::path path = findFile(folder, name);
+  const std::string full = path.string();
+  for (std::size_t i = 0; i < scene.images.size(); ++i) {
+    if (scene.images[i].name == full) return static_cast<int>(i);
+  }
+  try {
+    Image image = decodeImage(readWholeFile(path, where), where + ": " + full, srgb);
+    image.name = full;
+    noteFile(scene, path);
+    scene.images.push_back(std::move(image));
+    return static_cast<int>(scene.images.size()) - 1;
+  } catch (const Error& e) {
+    if (e.code() != ExitCode::kInput) throw;
+    scene.replaced.add(fmt::format("{}; {}", e.what(), instead));
+    return kNone;
+  }
+}
+
+}  // namespace trex::detail
