@@ -201,18 +201,18 @@ class AppTest(unittest.TestCase):
             meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}]))
         small = ("--size", "8x8", "--spp", 1, "--exact", 1)
         summary = json.loads(run("render", bad, "-o", self.path("a.png"), *small, "--json").stdout)
-        self.assertEqual(summary["replaced_parts"], 1)
+        self.assertEqual(summary["replaced_parts"], 2)  # its coordinates are missing too
         bundle = self.path("b.trex")
         baked = json.loads(run("bake", bad, "-o", bundle, "--no-voxels", "--json").stdout)
-        self.assertEqual(baked["replaced_parts"], 1)
+        self.assertEqual(baked["replaced_parts"], 2)
         for model in (bad, bundle):
             info = json.loads(run("info", model, "--json").stdout)
-            self.assertEqual(info["replaced_parts"], 1)
-            self.assertIn("image 0", info["replaced"][0])
+            self.assertEqual(info["replaced_parts"], 2)
+            self.assertIn("image 0", info["replaced"][1])
             self.assertIn("replaced", run("info", model).stdout)
-            self.refused(3, "render", model, "-o", self.path("c.png"), *small, "--strict", says="image 0")
-            self.refused(3, "info", model, "--strict", says="image 0")
-        self.refused(3, "bake", bad, "-o", self.path("d.trex"), "--strict", says="image 0")
+            self.refused(3, "render", model, "-o", self.path("c.png"), *small, "--strict", says="without --strict")
+            self.refused(3, "info", model, "--strict", says="without --strict")
+        self.refused(3, "bake", bad, "-o", self.path("d.trex"), "--strict", says="without --strict")
 
     def test_options_before_the_model(self):
         small = ("--size", "8x8", "--spp", 1, "--exact", 1)
