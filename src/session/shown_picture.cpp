@@ -25,6 +25,18 @@ std::vector<vec3> collect(std::uint32_t width, std::uint32_t height, std::uint32
   return out;
 }
 
+/// The filter drops rare bright differences, and waits for pairs enough to know their noise. What
+/// the guess lacks by them all is known well though: the picture takes the share `missing` / its
+/// sum of it everywhere. Bounded, as one path may outshine a picture.
+void makeUp(std::vector<vec3>& lit, double missing) {
+  constexpr double kMost = 2.0;
+  double sum = 0.0;
+  for (const vec3& v : lit) sum += static_cast<double>(v.x + v.y + v.z);
+  if (!(sum > 0.0)) return;
+  const auto scale = static_cast<float>(std::clamp(1.0 + missing / sum, 1.0 / kMost, kMost));
+  for (vec3& v : lit) v *= scale;
+}
+
 /// The filter of the difference to exact paths. each(value): of all pixels. What scatters no light
 /// has none: `scattering` is the share of each pixel's samples that may have some, not 0.
 template <typename Each>
@@ -99,7 +111,14 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
     return;
   }
   guess_.emplace(features, few);
-  if (!options.pairs || sums.fewestPairs() < kPairsThatTell) return;
+  if (!options.pairs) return;
+  for (Pixel y = 0; y < height; ++y) {
+    for (Pixel x = 0; x < width; ++x) {
+      const dvec3 d = sums.difference(x, y).mean();
+      missing_ += d.x + d.y + d.z;
+    }
+  }
+  if (sums.fewestPairs() < kPairsThatTell) return;
   for (Pixel y = 0; y < height; ++y) {
     for (Pixel x = 0; x < width; ++x) {
       const float share = features.scattering(x, y);
@@ -112,16 +131,23 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
 bool ShownPicture::advance(const std::function<bool()>& keepGoing) {
   if (guess_) {
     if (!guess_->advance(keepGoing)) return false;
-    const auto add = guess_->result();
-    for (std::size_t i = 0; i < add.size(); ++i) picture_[i] += add[i];
+    lit_ = guess_->result();
     guess_.reset();
   }
   if (correction_) {
     if (!correction_->advance(keepGoing)) return false;
     const auto add = correction_->result();
-    for (std::size_t i = 0; i < add.size(); ++i) picture_[i] += add[i] * scattering_[i];
+    for (std::size_t i = 0; i < add.size(); ++i) {
+      const vec3 part = add[i] * scattering_[i];
+      lit_[i] += part;
+      missing_ -= static_cast<double>(part.x + part.y + part.z);
+    }
     correction_.reset();
   }
+  if (missing_ != 0.0) makeUp(lit_, missing_);
+  missing_ = 0.0;
+  for (std::size_t i = 0; i < lit_.size(); ++i) picture_[i] += lit_[i];
+  lit_.clear();
   return true;
 }
 

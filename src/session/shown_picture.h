@@ -34,6 +34,8 @@ class ShownPicture {
               const ShownOptions& options);
 
   std::vector<vec3> picture_;      ///< until done, what is not filtered
+  std::vector<vec3> lit_;          ///< what is filtered
+  double missing_ = 0.0;           ///< sum of the differences to exact paths that lit_ is without
   std::vector<float> scattering_;  ///< shares of the pixels that the correction is of
   std::optional<GuessFilter> guess_, correction_;
 };

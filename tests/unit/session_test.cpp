@@ -176,6 +176,22 @@ TEST(Filter, KeepsTheMean) {
   }
 }
 
+/// The correction too, whether pairs are too few to be filtered or not.
+TEST(Filter, KeepsTheMeanOfTheCorrection) {
+  for (const std::uint32_t samples : {2u, 16u}) {
+    RenderSettings s = settings(0.25, samples);
+    double mean[2];
+    for (const bool filtered : {false, true}) {
+      s.denoise = filtered;
+      const auto r = session(s);
+      r->run([](double) { return true; });
+      const Picture p = r->picture();
+      mean[filtered ? 1 : 0] = meanOf(p, "R") + meanOf(p, "G") + meanOf(p, "B");
+    }
+    EXPECT_NEAR(mean[1] / mean[0], 1.0, 1e-3) << samples << " samples";
+  }
+}
+
 /// Unlit strips of 3 pixels and an emitter, above a mirror: nothing of them is noise.
 TEST(Filter, LeavesAloneWhatIsNotLit) {
   Scene scene;
