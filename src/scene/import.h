@@ -2,17 +2,23 @@
 // use.
 //
 // glTF 2.0: triangles, strips and fans, all index and sparse accessors, vertex colours, node
-// transforms and instances, cameras, images (files, data URIs, buffer views), and of the extensions
-// KHR_lights_punctual, KHR_materials_{emissive_strength, specular, ior, transmission, volume,
-// unlit}, KHR_texture_transform, KHR_mesh_quantization, EXT_texture_webp. A required extension that
-// is not in this list is an error that names it; one that is only used is a warning.
+// transforms and instances, skins and morph targets at rest or at a moment of an animation,
+// cameras, images (files, data URIs, buffer views), and of the extensions KHR_lights_punctual,
+// KHR_materials_{emissive_strength, specular, ior, transmission, volume, unlit,
+// pbrSpecularGlossiness, variants}, KHR_texture_transform, KHR_mesh_quantization,
+// EXT_texture_webp, EXT_mesh_gpu_instancing, EXT_meshopt_compression, KHR_draco_mesh_compression. A
+// second set of texture coordinates is shown where it is the first one scaled and shifted. A
+// required extension that is not in this list is an error that names it, unless it only says how
+// surfaces look; one that is only used is a warning.
 //
 // PLY: ASCII and binary of both byte orders; x y z (float or double), nx ny nz, (s t | u v |
-// texture_u texture_v), red green blue [alpha] (integers are sRGB bytes); polygons become fans.
-// OBJ: v (with colours), vt, vn, f with negative indices, o, g, usemtl, mtllib; see mtl.h for
-// materials. Both count texture rows from the bottom; v is flipped on import. A PLY or OBJ surface
-// without a material is Lambertian grey, 0.6 (white if it has vertex colours); a glTF one is the
-// white rough metal that the standard asks for.
+// texture_u texture_v), red green blue [alpha] of vertices or faces (integers are sRGB, floats
+// linear), polygons, tristrips, `comment TextureFile` with coordinates of vertices or wedges.
+// OBJ: v (with colours), vt, vn, f with negative indices and such that come later, s, o, g, usemtl,
+// mtllib; see statements.h for its text and mtl.h for materials. STL: text and binary.
+// Polygons: see polygon.h. PLY and OBJ count texture rows from the bottom; v is flipped on import.
+// A surface without a material is Lambertian grey, 0.6 (white if it has vertex colours); a glTF one
+// is the white rough metal that the standard asks for.
 #pragma once
 
 #include <filesystem>

@@ -107,6 +107,7 @@ void Viewer::Impl::open(const std::filesystem::path& path) {
     takeSourceVoxels(std::move(tree), std::move(*device));
   };
   try {
+    o.options.import = options.import;
     for (const std::string& v : options.volumes) {
       o.options.import.volumes.push_back(parseVolume(v));
     }

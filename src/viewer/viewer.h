@@ -19,6 +19,7 @@
 
 #include "src/core/maths.h"
 #include "src/frame/image_file.h"
+#include "src/scene/import.h"
 #include "src/scene/look.h"
 #include "src/session/session.h"
 #include "src/session/settings.h"
@@ -32,6 +33,7 @@ struct ViewerOptions {
   std::string environment;           ///< as --env; empty: the file's
   std::vector<std::string> volumes;  ///< as --volume
   std::string camera;                ///< as --camera; empty: the first one
+  ImportOptions import;              ///< without volumes and the memory limit
   RenderSettings settings;           ///< samples: where refining ends
   double budgetSeconds = 0.033;      ///< of a step
   bool useStale = false;

@@ -84,13 +84,13 @@ std::filesystem::path writeInput(const std::string& name, Bytes bytes) {
   return path;
 }
 
-void importAndCheck(const std::filesystem::path& path) {
+void importAndCheck(const std::filesystem::path& path, const std::string& animation) {
   setLogLevel(LogLevel::kQuiet);
   Scene scene;
   try {
-    scene = importScene(path, {.loadTextures = false});
+    scene = importScene(path, {.loadTextures = false, .animation = animation, .atSeconds = 0.5});
   } catch (const Error& error) {
-    require(error.code() == ExitCode::kInput);
+    require(error.code() == (animation.empty() ? ExitCode::kInput : error.code()));
     require(std::string_view(error.what()).find('\n') == std::string_view::npos);
     return;
   }

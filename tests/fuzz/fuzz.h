@@ -33,8 +33,9 @@ inline void require(bool holds, int line = __builtin_LINE(), const char* file = 
 /// Writes a file into a folder of this process in TMPDIR, which scripts/fuzz puts in memory.
 std::filesystem::path writeInput(const std::string& name, Bytes bytes);
 
-/// Imports a model without its pictures and checks what Scene promises; Error is expected.
-void importAndCheck(const std::filesystem::path& path);
+/// Imports a model without its pictures and checks what Scene promises; Error is expected. With an
+/// `animation` of glTF too.
+void importAndCheck(const std::filesystem::path& path, const std::string& animation = {});
 
 /// Splits an input in two at the first line `separator`; the second part is empty without one.
 std::pair<Bytes, Bytes> split(Bytes bytes, std::string_view separator);

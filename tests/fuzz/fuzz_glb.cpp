@@ -22,7 +22,9 @@ void setWord(std::uint8_t* data, std::size_t value) {
 }  // namespace
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  trex::fuzz::importAndCheck(trex::fuzz::writeInput("input.glb", {data, size}));
+  const auto path = trex::fuzz::writeInput("input.glb", {data, size});
+  trex::fuzz::importAndCheck(path);
+  trex::fuzz::importAndCheck(path, "0");
   return 0;
 }
 

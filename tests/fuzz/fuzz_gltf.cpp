@@ -5,7 +5,9 @@
 #include "tests/fuzz/json_mutator.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  trex::fuzz::importAndCheck(trex::fuzz::writeInput("input.gltf", {data, size}));
+  const auto path = trex::fuzz::writeInput("input.gltf", {data, size});
+  trex::fuzz::importAndCheck(path);
+  trex::fuzz::importAndCheck(path, "0");
   return 0;
 }
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Writes small valid models, where the fuzzing of the text formats starts.
 
-Usage: make_seeds.py FOLDER; makes FOLDER/{gltf,glb,ply,obj}/.
+Usage: make_seeds.py FOLDER; makes FOLDER/{gltf,glb,ply,obj,stl}/.
 """
 import base64
 import json
@@ -143,10 +143,55 @@ OBJ = [b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
        b"newmtl glass\nNi 1.5\nd 0.5\nTr 0.5\nillum 7\nPr 0.2\nPm 1\nmap_Ke b.png\nmap_d a.png\nbump -bm 0.5 n.png\n"]
 
 
+def stl():
+    facets = [POSITIONS[0:9], POSITIONS[3:12]]
+    yield struct.pack("<80sI", b"solid s", 2) + b"".join(struct.pack("<12fH", 0, 0, 1, *f, 0) for f in facets)
+    yield ("solid s\n" + "".join(
+        "facet normal 0 0 1\nouter loop\n" + "".join("vertex {} {} {}\n".format(*f[k:k + 3]) for k in (0, 3, 6)) +
+        "endloop\nendfacet\n" for f in facets) + "endsolid s\n").encode()
+
+
+def posed():
+    """A skin, a morph target, an animation, instances and variants."""
+    data = struct.pack("<12f", *POSITIONS) + struct.pack("<16B", *[0] * 16) + struct.pack("<16f", *[1, 0, 0, 0] * 4)
+    data += struct.pack("<16f", *[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]) + struct.pack("<2f", 0, 1)
+    tree, _ = plain()
+    views = ((0, 48), (48, 16), (64, 64), (128, 64), (192, 8))
+    tree["bufferViews"] = [{"buffer": 0, "byteOffset": at, "byteLength": size} for at, size in views]
+    shapes = ((0, 5126, 4, "VEC3"), (1, 5121, 4, "VEC4"), (2, 5126, 4, "VEC4"), (3, 5126, 1, "MAT4"),
+              (4, 5126, 2, "SCALAR"), (0, 5126, 2, "VEC3"))
+    tree["accessors"] = [{"bufferView": v, "componentType": c, "count": n, "type": t} for v, c, n, t in shapes]
+    tree["meshes"] = [{"weights": [0.5], "primitives": [{
+        "attributes": {"POSITION": 0, "JOINTS_0": 1, "WEIGHTS_0": 2}, "targets": [{"POSITION": 0}],
+        "extensions": {"KHR_materials_variants": {"mappings": [{"material": 0, "variants": [0]}]}}}]}]
+    tree["materials"] = [{}]
+    tree["skins"] = [{"joints": [1], "inverseBindMatrices": 3}]
+    tree["nodes"] = [{"mesh": 0, "skin": 0}, {"translation": [1, 2, 3], "rotation": [0, 0, 0, 1]},
+                     {"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 0}}}}]
+    tree["scenes"] = [{"nodes": [0, 1, 2]}]
+    tree["animations"] = [{"samplers": [{"input": 4, "output": 5, "interpolation": "LINEAR"}],
+                           "channels": [{"sampler": 0, "target": {"node": 1, "path": "translation"}}]}]
+    tree["extensions"] = {"KHR_materials_variants": {"variants": [{"name": "v"}]}}
+    tree["extensionsUsed"] = ["EXT_mesh_gpu_instancing", "KHR_materials_variants"]
+    return tree, data
+
+
+def compressed():
+    """Views and primitives that say they are compressed; their bytes are not."""
+    tree, data = plain()
+    tree["bufferViews"][0]["extensions"] = {"EXT_meshopt_compression": {
+        "buffer": 0, "byteOffset": 0, "byteLength": 48, "byteStride": 12, "count": 4, "mode": "ATTRIBUTES",
+        "filter": "NONE"}}
+    tree["meshes"][0]["primitives"].append({"attributes": {"POSITION": 0}, "extensions": {
+        "KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0}}}})
+    tree["extensionsUsed"] = ["EXT_meshopt_compression", "KHR_draco_mesh_compression"]
+    return tree, data
+
+
 def main(folder):
-    models = [plain(), attributes(), sparse()]
+    models = [plain(), attributes(), sparse(), posed(), compressed()]
     seeds = {"gltf": [gltf(*m) for m in models], "glb": [glb(*m) for m in models],
-             "ply": list(ply()), "obj": OBJ}
+             "ply": list(ply()), "obj": OBJ, "stl": list(stl())}
     for name, inputs in seeds.items():
         os.makedirs(os.path.join(folder, name), exist_ok=True)
         for i, data in enumerate(inputs):
