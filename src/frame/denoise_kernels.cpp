@@ -18,7 +18,7 @@ namespace trex {
 namespace {
 
 // Light that is lost, rare dots, may go farther than what is taken for the same.
-constexpr float kAlbedoTolerance = 0.2f, kWideAlbedoTolerance = 0.4f;
+constexpr float kAlbedoTolerance = 0.2f;
 constexpr float kInfinite = std::numeric_limits<float>::infinity();
 
 // A neighbour of a pixel.
@@ -130,7 +130,7 @@ static_assert(sizeof(float[kPart]) % 64 == 0);
 // power * exp(-distance), where power is the 4th of the cosine between their normals. False if
 // all are infinitely far.
 HWY_INLINE bool guideDistances(const float* guides, std::size_t stride, std::ptrdiff_t neighbour,
-                               float perPixel, float albedoTolerance, Part& part) {
+                               float perPixel, Part& part) {
   const DF df;
   VF nearest = set(kInfinite);
   for (int x = 0; x < part.width; x += kLanes) {
@@ -150,7 +150,7 @@ HWY_INLINE bool guideDistances(const float* guides, std::size_t stride, std::ptr
     const Three colour = minus(loadThree(guide + kAlbedo * stride, stride),
                                loadThree(other + kAlbedo * stride, stride));
     const VF colourDistance =
-        hn::Mul(dot(colour, colour), set(1.0f / (albedoTolerance * albedoTolerance)));
+        hn::Mul(dot(colour, colour), set(1.0f / (kAlbedoTolerance * kAlbedoTolerance)));
     VF distance = hn::Add(hn::Mul(hn::Add(off, otherOff), set(0.5f * perPixel)), colourDistance);
     // Beyond, light comes from elsewhere.
     distance = hn::IfThenElse(hn::Gt(cosine, set(0.5f)), distance, set(kInfinite));
@@ -207,8 +207,7 @@ HWY_INLINE void neighbourVariance(const FilterPlanes& planes, int y) {
     std::fill_n(second, part.width, 0.0f);
     for (int t = 0; t < taps.count; ++t) {
       const Tap& tap = taps.tap[t];
-      if (!guideDistances(planes.guideRow(y) + begin, stride, tap.guide, 1.0f / 3.0f,
-                          kAlbedoTolerance, part))
+      if (!guideDistances(planes.guideRow(y) + begin, stride, tap.guide, 1.0f / 3.0f, part))
         continue;
       const float* other = cells + tap.cell;
       for (int x = 0; x < part.width; x += kLanes) {
@@ -308,7 +307,7 @@ void gather(const FilterPlanes& planes, int y, int step) {
     startGather(cells, stride, part);
     for (int t = 0; t < taps.count; ++t) {
       const Tap& tap = taps.tap[t];
-      if (guideDistances(guides, stride, tap.guide, tap.perPixel, kAlbedoTolerance, part))
+      if (guideDistances(guides, stride, tap.guide, tap.perPixel, part))
         gatherTap(cells, stride, tap, part);
     }
     finishGather(part, planes.writtenRow(y) + first, stride);
@@ -331,8 +330,7 @@ void share(const FilterPlanes& planes, int y, int step) {
       hn::Store(hn::Mul(set(kCentre), hn::LoadU(df, cover + x)), df, part.weights + x);
     for (int t = 0; t < taps.count; ++t) {
       const Tap& tap = taps.tap[t];
-      if (!guideDistances(guides, stride, tap.guide, tap.perPixel, kWideAlbedoTolerance, part))
-        continue;
+      if (!guideDistances(guides, stride, tap.guide, tap.perPixel, part)) continue;
       for (int x = 0; x < part.width; x += kLanes) {
         addTo(part.weights + x,
               hn::Mul(guideWeight(part, x, tap.spline), hn::LoadU(df, cover + tap.guide + x)));
@@ -368,8 +366,7 @@ void collect(const FilterPlanes& planes, int y, int step) {
     }
     for (int t = 0; t < taps.count; ++t) {
       const Tap& tap = taps.tap[t];
-      if (!guideDistances(guides, stride, tap.guide, tap.perPixel, kWideAlbedoTolerance, part))
-        continue;
+      if (!guideDistances(guides, stride, tap.guide, tap.perPixel, part)) continue;
       for (int x = 0; x < part.width; x += kLanes) {
         const VF w = guideWeight(part, x, tap.spline);
         const Three other = loadThree(shares + tap.cell + x, stride);

@@ -17,7 +17,7 @@ namespace trex::test {
 inline constexpr int kIterations = 5;           // steps of 1, 2, 4, 8, 16 pixels
 inline constexpr float kTolerance = 3.0f;       // differences below this many deviations are noise
 inline constexpr float kPlaneTolerance = 2.0f;  // pixel widths off the surface's plane
-inline constexpr float kAlbedoTolerance = 0.2f, kWideAlbedoTolerance = 0.4f;
+inline constexpr float kAlbedoTolerance = 0.2f;
 inline constexpr float kLeastAlbedo = 0.02f;
 
 // Of variances: they are estimates, too small where light is rare.
@@ -112,8 +112,7 @@ class ScalarFilter {
 
   /// How little two pixels may share by what they show: their weight is power * exp(-returned
   /// value), where power is the 4th of the cosine between their normals.
-  static float guideDistance(const Guide& a, const Guide& b, float inverseDistance, float& power,
-                             float albedoTolerance = kAlbedoTolerance) {
+  static float guideDistance(const Guide& a, const Guide& b, float inverseDistance, float& power) {
     if (a.length * b.length < 1e-3f) {
       power = 1.0f;
       return a.length == b.length ? 0.0f : kInfinity;
@@ -126,7 +125,7 @@ class ScalarFilter {
                       std::abs(glm::dot(b.normal, between)) * b.length * b.perPixel;
     const vec3 colour = a.albedo - b.albedo;
     return 0.5f * off * inverseDistance +
-           glm::dot(colour, colour) * (1.0f / (albedoTolerance * albedoTolerance));
+           glm::dot(colour, colour) * (1.0f / (kAlbedoTolerance * kAlbedoTolerance));
   }
 
   /// Calls visit(offset index, pixel) for the 5x5 neighbours `step` apart that are in the picture.
@@ -179,8 +178,8 @@ class ScalarFilter {
           float power = 0.0f;
           const float pixels =
               static_cast<float>(step) * (dx != 0 && dy != 0 ? std::sqrt(2.0f) : 1.0f);
-          const float far = guideDistance(guides_[at], guides_[index(px, py)], 1.0f / pixels, power,
-                                          kWideAlbedoTolerance);
+          const float far =
+              guideDistance(guides_[at], guides_[index(px, py)], 1.0f / pixels, power);
           w *= power * expOfMinus(far);
         }
         visit(index(px, py), w);
