@@ -70,7 +70,9 @@ class VolumeTest(unittest.TestCase):
         media = json.loads(self.trex("info", write(), "--json"))["media"]
         self.assertAlmostEqual(0.5 * (media[0]["lower_metres"][1] + media[0]["upper_metres"][1]), 1.75, 1)
         model["nodes"][-1]["extras"]["trex_volume"]["colour"] = 1
-        self.trex("info", write(), code=3, says="unknown option 'colour'")
+        report = json.loads(self.trex("info", write(), "--json", says="unknown option 'colour'"))
+        self.assertNotIn("media", report)
+        self.trex("info", write(), "--strict", code=3, says="unknown option 'colour'")
 
     def test_what_can_not_be_used(self):
         for kind, says in (("level", "level set"), ("two", "a (float, fog volume)")):
