@@ -177,9 +177,9 @@ TEST_F(PointOverABall, EnergyIsThatOfRefraction) {
 /// The pattern comes closer and closer to what many samples with other photons show: with a bias
 /// alone, or noise alone that stays, four times the samples would not halve the error's square.
 TEST_F(PointOverABall, ErrorFallsWithTheNumberOfSamples) {
-  const std::vector<vec3> right = picture(scene_, 160, 7);
+  const std::vector<vec3> right = picture(scene_, 48, 7);
   double before = 1e30;
-  for (const std::uint32_t samples : {2u, 8u, 32u}) {
+  for (const std::uint32_t samples : {1u, 4u, 16u}) {
     const std::vector<vec3> got = picture(scene_, samples);
     double sum = 0.0, scale = 0.0;
     for (std::size_t i = 0; i < got.size(); ++i) {
@@ -192,7 +192,7 @@ TEST_F(PointOverABall, ErrorFallsWithTheNumberOfSamples) {
     EXPECT_LT(error, 0.5 * before) << samples;
     before = error;
   }
-  EXPECT_LT(before, 0.02);
+  EXPECT_LT(before, 0.03);
 }
 
 /// Of all directions of the light a hundred-thousandth meets the mirror.
