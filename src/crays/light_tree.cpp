@@ -12,12 +12,18 @@ constexpr int kMostOpened = LightTree::kMostCut / static_cast<int>(kLanes);
 
 /// Sums of the weights up to each lane, exact but for the last bits of double precision.
 struct Sums {
+  alignas(32) float weights[kLanes];
   double upTo[kLanes];
-  explicit Sums(const float (&weights)[kLanes]) {
+  void add() {
     double sum = 0.0;
     for (std::uint32_t i = 0; i < kLanes; ++i) upTo[i] = sum += static_cast<double>(weights[i]);
   }
   double all() const { return upTo[kLanes - 1]; }
+  double weight(std::uint32_t lane) const { return static_cast<double>(weights[lane]); }
+  /// What is left of a share of all when the lanes before are taken away.
+  double rest(std::uint32_t lane, double share) const {
+    return lane > 0 ? share - upTo[lane - 1] : share;
+  }
   /// The lane that holds a share of all; never one without weight.
   std::uint32_t find(double target) const {
     std::uint32_t lane = 0, last = 0;
@@ -61,6 +67,27 @@ void LightTree::cutAlone(Cut& out) const {
   out.weights[0] = out.sum = 1.0f;
 }
 
+/// From a node of the cut to a leaf by the lanes that `pick` names, whose chances are multiplied to
+/// `chance`; 0 if a node on the way has no weight at all.
+template <typename Pick>
+LightTree::Place LightTree::descend(const Cut& cut, std::uint32_t from, const Pick& pick,
+                                    float& chance) const {
+  Place at{&nodes_[from / kLanes], from % kLanes};
+  while (at.node->child[at.lane] != 0) {
+    at.node = &nodes_[at.node->child[at.lane]];
+    Sums sums;
+    weigh_(*at.node, cut.position, cut.normal, sums.weights);
+    sums.add();
+    if (!(sums.all() > 0.0)) {
+      chance = 0.0f;
+      break;
+    }
+    at.lane = pick(*at.node, sums);
+    chance *= static_cast<float>(sums.weight(at.lane) / sums.all());
+  }
+  return at;
+}
+
 bool LightTree::choose(const Cut& cut, double u, Choice& out) const {
   if (cut.count == 0) return false;
   double target = u * static_cast<double>(cut.sum);
@@ -70,23 +97,15 @@ bool LightTree::choose(const Cut& cut, double u, Choice& out) const {
   }
   out.chance = cut.weights[which] / cut.sum;
   u = std::min(target / static_cast<double>(cut.weights[which]), 0x1.fffffffffffffp-1);
-  const LightNodes* node = &nodes_[cut.nodes[which] / kLanes];
-  std::uint32_t lane = cut.nodes[which] % kLanes;
-  while (node->child[lane] != 0) {
-    node = &nodes_[node->child[lane]];
-    alignas(32) float weights[kLanes];
-    weigh_(*node, cut.position, cut.normal, weights);
-    const Sums sums(weights);
-    if (!(sums.all() > 0.0)) return false;
-    target = u * sums.all();
-    lane = sums.find(target);
-    if (lane > 0) target -= sums.upTo[lane - 1];
-    const auto weight = static_cast<double>(weights[lane]);
-    out.chance *= static_cast<float>(weight / sums.all());
-    u = std::min(target / weight, 0x1.fffffffffffffp-1);
-  }
-  out.first = node->first[lane];
-  out.count = node->count[lane];
+  const auto pick = [&](const LightNodes&, const Sums& sums) {
+    const double share = u * sums.all();
+    const std::uint32_t lane = sums.find(share);
+    u = std::min(sums.rest(lane, share) / sums.weight(lane), 0x1.fffffffffffffp-1);
+    return lane;
+  };
+  const Place leaf = descend(cut, cut.nodes[which], pick, out.chance);
+  out.first = leaf.node->first[leaf.lane];
+  out.count = leaf.node->count[leaf.lane];
   out.rest = u;
   return out.chance > 0.0f;
 }
@@ -103,17 +122,12 @@ float LightTree::chance(const Cut& cut, std::uint32_t light) const {
   }
   if (which == cut.count) return 0.0f;
   float chance = cut.weights[which] / cut.sum;
-  const LightNodes* node = &nodes_[cut.nodes[which] / kLanes];
-  std::uint32_t lane = cut.nodes[which] % kLanes;
-  while (node->child[lane] != 0) {
-    node = &nodes_[node->child[lane]];
-    alignas(32) float weights[kLanes];
-    weigh_(*node, cut.position, cut.normal, weights);
-    for (lane = 0; !holds(*node, lane);) ++lane;
-    const double sum = Sums(weights).all();
-    if (!(sum > 0.0)) return 0.0f;
-    chance *= static_cast<float>(static_cast<double>(weights[lane]) / sum);
-  }
+  const auto pick = [&](const LightNodes& node, const Sums&) {
+    std::uint32_t lane = 0;
+    while (!holds(node, lane)) ++lane;
+    return lane;
+  };
+  descend(cut, cut.nodes[which], pick, chance);
   return chance * shares_[place];
 }
 

@@ -79,6 +79,13 @@ class LightTree {
 
  private:
   struct Builder;
+  struct Place {
+    const LightNodes* node;
+    std::uint32_t lane;
+  };
+
+  template <typename Pick>
+  Place descend(const Cut& cut, std::uint32_t from, const Pick& pick, float& chance) const;
 
   WeighLights weigh_ = chooseWeighLights();
   std::vector<LightNodes> nodes_;

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <numeric>
+#include <utility>
 
 #include "src/crays/light_tree.h"
 
@@ -256,16 +257,17 @@ void LightTree::Builder::describe(const Node& node, LightNodes& out, std::uint32
 }
 
 /// Puts up to eight nodes under `root` into a wide node: what is opened first matters most, bright
-/// and large. Then does the same for each.
+/// and large, or of many lights if all stand at one place. Then does the same for each.
 void LightTree::Builder::widen(std::uint32_t root, std::uint32_t into) const {
   std::uint32_t children[LightNodes::kLanes] = {root};
   std::uint32_t count = 1;
   while (count < LightNodes::kLanes) {
     std::uint32_t* largest = nullptr;
-    float most = -1.0f;
+    std::pair<float, std::uint32_t> most(-1.0f, 0);
     for (std::uint32_t i = 0; i < count; ++i) {
       const Node& node = nodes[children[i]];
-      const float size = node.power * node.radius * node.radius;
+      const std::pair<float, std::uint32_t> size(node.power * node.radius * node.radius,
+                                                 node.count);
       if (node.right != 0 && size > most) largest = children + i, most = size;
     }
     if (largest == nullptr) break;

@@ -1,6 +1,7 @@
 #include "src/crays/light_tree.h"
 
 #include <gtest/gtest.h>
+#include <hwy/highway.h>
 
 #include <random>
 
@@ -168,6 +169,46 @@ TEST(LightTree, IsTheSameEachTime) {
   a.cut(vec3(0.3f), vec3(0.0f), cutA);
   b.cut(vec3(0.3f), vec3(0.0f), cutB);
   for (std::uint32_t i = 0; i < 20000; i += 7) EXPECT_EQ(a.chance(cutA, i), b.chance(cutB, i));
+}
+
+TEST(LightTree, HasTheSameBitsOnEveryInstructionSet) {
+  const auto lights = randomLights(3000, 11);
+  const auto chancesOf = [&](const vec3& place, const vec3& normal) {
+    const LightTree tree(lights);
+    LightTree::Cut cut;
+    tree.cut(place, normal, cut);
+    std::vector<float> chances;
+    for (std::uint32_t i = 0; i < lights.size(); ++i) chances.push_back(tree.chance(cut, i));
+    return chances;
+  };
+  for (const vec3& place : kPlaces) {
+    for (const vec3& normal : {vec3(0.0f), vec3(0.0f, 0.6f, 0.8f)}) {
+      const std::vector<float> expected = chancesOf(place, normal);
+      for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+        hwy::SetSupportedTargetsForTest(target);
+        EXPECT_EQ(chancesOf(place, normal), expected) << hwy::TargetName(target);
+      }
+      hwy::SetSupportedTargetsForTest(0);
+    }
+  }
+}
+
+/// Lamps whose places tell nothing apart are chosen by power.
+TEST(LightTree, LightsAtOnePlaceAreChosenByPower) {
+  std::vector<LightBounds> lights(5000);
+  double sum = 0.0;
+  for (std::uint32_t i = 0; i < lights.size(); ++i) {
+    lights[i].box.extend(vec3(0.3f));
+    lights[i].spread = kPi;
+    lights[i].power = 0.1f + static_cast<float>(i % 7);
+    sum += static_cast<double>(lights[i].power);
+  }
+  const LightTree tree(lights);
+  LightTree::Cut cut;
+  tree.cut(vec3(-0.4f, 0.1f, 0.0f), vec3(1.0f, 0.0f, 0.0f), cut);
+  for (std::uint32_t i = 0; i < lights.size(); ++i) {
+    EXPECT_NEAR(tree.chance(cut, i) / (lights[i].power / sum), 1.0, 1e-4) << i;
+  }
 }
 
 TEST(LightTree, OfNothingIsEmpty) {
