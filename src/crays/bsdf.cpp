@@ -152,6 +152,9 @@ void Bsdf::chooseLobes() {
   cachedAlbedo_ = glm::min(diffuse_ * (1.0f - dielectric) + broad, vec3(1.0f));
   const float sharp = smooth_ ? lobes_.specular : lobes_.specular * metallic_;
   cacheable_ = sharp + lobes_.transmission <= 0.1f;
+  albedo_ = lobes_.transmission == 0.0f
+                ? glm::min(diffuse_ * (1.0f - dielectric) + reflect, vec3(1.0f))
+                : (cacheable_ ? cachedAlbedo_ : vec3(1.0f));
 }
 
 vec3 Bsdf::evaluateReflection(const vec3& in) const {

@@ -58,6 +58,9 @@ class Bsdf {
   vec3 cachedAlbedo() const { return cachedAlbedo_; }
   /// True if cachedAlbedo() tells nearly all of what leaves the surface.
   bool cacheable() const { return cacheable_; }
+  /// What it reflects of light from everywhere, about, by its colour; one if most of its light is
+  /// what it lets pass. [0, 1].
+  vec3 albedo() const { return albedo_; }
   /// Unit geometric and shading normals on the side of `outgoing`.
   const vec3& geometricNormal() const { return geometricNormal_; }
   const vec3& normal() const { return basis_.normal; }
@@ -99,7 +102,8 @@ class Bsdf {
   Basis basis_{vec3(0, 0, 1)};
   vec3 geometricNormal_, out_;  ///< out_: outgoing in the basis
   vec3 smoothNormal_;           ///< whose horizon counts, besides the triangle's own
-  vec3 emission_{0.0f}, diffuse_{0.0f}, f0_{0.0f}, transmissionTint_{0.0f}, cachedAlbedo_{0.0f};
+  vec3 emission_{0.0f}, diffuse_{0.0f}, f0_{0.0f}, transmissionTint_{0.0f}, cachedAlbedo_{0.0f},
+      albedo_{0.0f};
   vec3 metalColor_{0.0f}, absorption_{0.0f};
   float f90_ = 1.0f, metallic_ = 0.0f, transmission_ = 0.0f, alpha_ = 1.0f, coverage_ = 1.0f;
   float eta_ = 1.0f;  ///< index on the far side over this side, if it refracts

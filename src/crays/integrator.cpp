@@ -231,7 +231,7 @@ bool Integrator::meet(Path& path) const {
   }
   if (!path.seen && (!bsdf.showsOthers() || bsdf.unlit())) {
     path.seen = true;
-    const vec3 albedo = bsdf.cacheable() ? bsdf.cachedAlbedo() : vec3(1.0f);
+    const vec3 albedo = bsdf.albedo();
     const vec3 dimmed = glm::min(albedo * path.throughput, vec3(1.0f));  // by mirrors and glass
     path.result.feature = {dimmed, bsdf.normal(), vec3(surface.position),
                            camera_.footprint(path.length),

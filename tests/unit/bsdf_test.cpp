@@ -141,6 +141,33 @@ TEST(Bsdf, LambertianAlbedoIsExact) {
   EXPECT_NEAR(b.cachedAlbedo().x, 0.5f, 1e-6f);
 }
 
+/// What a filter takes out of light and puts back: textured metals and coated floors keep their
+/// pattern only if it has the colours of what they reflect.
+TEST(Bsdf, AlbedoHasTheColoursOfWhatIsReflected) {
+  Scene scene;
+  scene.materials = {glossy(1.0f, 0.5f, 0.0f, false), glossy(1.0f, 0.0f, 0.0f, false),
+                     glossy(0.0f, 0.0f, 0.0f, false), glossy(0.0f, 0.4f, 0.0f, false),
+                     glossy(0.5f, 0.3f, 0.0f, false), test::lambert(0.5f)};
+  for (Material& m : scene.materials) m.baseColor = vec4(0.8f, 0.4f, 0.1f, 1.0f);
+  Surface s = surfaceAtOrigin();
+  for (s.material = 0; s.material < scene.materials.size(); ++s.material) {
+    const Bsdf b(scene, s, outgoing(s, 0.7f));
+    dvec3 sum(0.0);
+    for (std::uint32_t i = 0; i < 20000; ++i) {
+      Sampler sampler(i, 0, 0);
+      BsdfSample sample;
+      if (b.sample(sampler, sample)) sum += dvec3(sample.weight);
+    }
+    const dvec3 albedo(b.albedo());
+    EXPECT_NEAR(albedo.y / albedo.x, sum.y / sum.x, 0.03) << s.material;
+    EXPECT_NEAR(albedo.z / albedo.x, sum.z / sum.x, 0.03) << s.material;
+    EXPECT_NEAR(albedo.x / (sum.x / 20000), 1.0, 0.15) << s.material;
+  }
+  scene.materials = {glossy(0.0f, 0.0f, 1.0f, true)};
+  s.material = 0;
+  EXPECT_EQ(Bsdf(scene, s, outgoing(s, 0.7f)).albedo(), vec3(1.0f));
+}
+
 TEST(Bsdf, MirrorAndGlassAreDelta) {
   Scene scene;
   scene.materials = {glossy(1.0f, 0.0f, 0.0f, false), glossy(0.0f, 0.0f, 1.0f, true)};
