@@ -5,14 +5,12 @@
 
 #include "src/scene/gltf_compressed.h"
 #include "src/scene/gltf_detail.h"
+#include "src/scene/gltf_file.h"
 #include "src/scene/gltf_pose.h"
-#include "src/scene/image_io.h"
+#include "src/scene/mapped_file.h"
 
 namespace trex::detail {
 namespace {
-
-/// JSON nested deeper than this would exhaust the stack of a recursive reader.
-constexpr int kMaxJsonDepth = 100;
 
 const std::set<std::string> kSupported = {"KHR_lights_punctual",
                                           "KHR_materials_emissive_strength",
@@ -56,121 +54,6 @@ bool isHarmless(const std::string& name) {
     if (name.starts_with(start)) return true;
   }
   return false;
-}
-
-std::uint32_t word(const std::vector<std::uint8_t>& bytes, std::size_t at) {
-  return bytes[at] | bytes[at + 1] << 8 | bytes[at + 2] << 16 |
-         static_cast<std::uint32_t>(bytes[at + 3]) << 24;
-}
-
-bool isBinary(const std::vector<std::uint8_t>& bytes) {
-  return bytes.size() >= 4 && std::memcmp(bytes.data(), "glTF", 4) == 0;
-}
-
-/// The JSON part of the file; checks the binary container.
-std::string_view jsonOf(const GltfContext& context, const std::vector<std::uint8_t>& bytes) {
-  const char* text = reinterpret_cast<const char*>(bytes.data());
-  if (!isBinary(bytes)) {
-    std::string extension = context.path.extension().string();
-    if (extension == ".glb" || extension == ".GLB") context.bad("not a .glb file (wrong magic)");
-    return {text, bytes.size()};
-  }
-  if (bytes.size() < 20) context.bad("truncated: {} bytes are no .glb file", bytes.size());
-  if (word(bytes, 4) != 2) context.bad("glTF version {} can't be read, only 2", word(bytes, 4));
-  if (word(bytes, 8) > bytes.size()) {
-    context.bad("truncated: the header says {} bytes, the file has {}", word(bytes, 8),
-                bytes.size());
-  }
-  const std::uint64_t jsonLength = word(bytes, 12);
-  if (word(bytes, 16) != 0x4e4f534au || jsonLength > bytes.size() - 20) {
-    context.bad("the first chunk is not JSON or is longer than the file");
-  }
-  // tinygltf forgets the 8 bytes of the second chunk's header.
-  const std::uint64_t second = 20 + jsonLength, length = word(bytes, 8);
-  if (second + 8 <= length && word(bytes, second) > length - second - 8) {
-    context.bad("truncated: the second chunk says {} bytes, {} are left", word(bytes, second),
-                length - second - 8);
-  }
-  return {text + 20, static_cast<std::size_t>(jsonLength)};
-}
-
-void checkDepth(const GltfContext& context, std::string_view json) {
-  int depth = 0;
-  bool inString = false;
-  for (std::size_t i = 0; i < json.size(); ++i) {
-    const char c = json[i];
-    if (inString) {
-      if (c == '\\') ++i;
-      inString = c != '"';
-    } else if (c == '"') {
-      inString = true;
-    } else if (c == '{' || c == '[') {
-      if (++depth > kMaxJsonDepth) context.bad("JSON nested deeper than {}", kMaxJsonDepth);
-    } else if (c == '}' || c == ']') {
-      --depth;
-    }
-  }
-}
-
-bool fileExists(const std::string& path, void*) {
-  std::error_code error;
-  return std::filesystem::is_regular_file(path, error);
-}
-std::string samePath(const std::string& path, void*) { return path; }
-bool readFile(std::vector<unsigned char>* out, std::string* error, const std::string& path,
-              void* scene) {
-  try {
-    noteFile(*static_cast<Scene*>(scene), path);
-    *out = readWholeFile(path, "buffer", std::uint64_t(1) << 34);
-    return true;
-  } catch (const Error& e) {
-    if (error != nullptr) *error = e.what();
-    return false;
-  }
-}
-bool writeNothing(std::string*, const std::string&, const std::vector<unsigned char>&, void*) {
-  return false;
-}
-
-/// Keeps the encoded bytes of data URIs; images in buffer views are decoded from there later.
-bool keepEncoded(tinygltf::Image* image, const int, std::string*, std::string*, int, int,
-                 const unsigned char* bytes, int size, void*) {
-  if (image->bufferView < 0 && size > 0) image->image.assign(bytes, bytes + size);
-  return true;
-}
-
-void parse(GltfContext& context) {
-  std::vector<std::uint8_t> bytes = readWholeFile(context.path, "model", std::uint64_t(1) << 32);
-  const std::string_view json = jsonOf(context, bytes);
-  checkDepth(context, json);
-  if (auto plain = readableForm(bytes, json); !plain.empty()) bytes = std::move(plain);
-  tinygltf::TinyGLTF loader;
-  loader.SetFsCallbacks({&fileExists, &samePath, &readFile, &writeNothing, &context.scene});
-  loader.SetImageLoader(&keepEncoded, nullptr);
-  const std::string folder = context.path.parent_path().string();
-  std::string error, warning;
-  bool good = false;
-  try {
-    const auto size = static_cast<unsigned>(bytes.size());
-    good = isBinary(bytes) ? loader.LoadBinaryFromMemory(&context.model, &error, &warning,
-                                                         bytes.data(), size, folder)
-                           : loader.LoadASCIIFromString(&context.model, &error, &warning,
-                                                        reinterpret_cast<const char*>(bytes.data()),
-                                                        size, folder);
-  } catch (const std::bad_alloc&) {
-    throw;
-  } catch (const std::exception& e) {
-    error = e.what();
-  }
-  if (!good) context.bad("not valid glTF: {}", oneLine(error.empty() ? "unknown" : error));
-  // tinygltf goes on after some errors, with a part of the file missing. One is none: a skin may
-  // leave these matrices out.
-  const std::string allowed = "'inverseBindMatrices' property is missing in Skin.\n";
-  for (auto at = error.find(allowed); at != error.npos; at = error.find(allowed)) {
-    error.erase(at, allowed.size());
-  }
-  if (!error.empty()) context.replace("{}; that part is left out", oneLine(error));
-  if (!warning.empty()) context.warn("{}", oneLine(warning));
 }
 
 void checkVersionAndExtensions(GltfContext& context) {
@@ -531,16 +414,22 @@ class NodeReader {
 
 }  // namespace
 
-Scene readGltf(const std::filesystem::path& path, const ImportOptions& options) {
+Scene readGltf(std::span<const std::uint8_t> bytes, const std::filesystem::path& path,
+               const ImportOptions& options) {
   GltfContext context;
   context.path = path;
   context.name = path.string();
   context.options = options;
-  parse(context);
+  parseGltf(context, bytes);
   checkVersionAndExtensions(context);
   decodeMeshopt(context);
   NodeReader(context).read();
   return std::move(context.scene);
+}
+
+Scene readGltf(const std::filesystem::path& path, const ImportOptions& options) {
+  const MappedFile file(path);
+  return readGltf({file.data(), file.size()}, path, options);
 }
 
 }  // namespace trex::detail

@@ -1,6 +1,6 @@
 #include <algorithm>
 
-#include "src/scene/gltf_detail.h"
+#include "src/scene/gltf_file.h"
 
 namespace trex::detail {
 namespace {
@@ -97,20 +97,8 @@ GltfAccessor::GltfAccessor(const GltfContext& context, int index) : number_(inde
 const std::uint8_t* GltfAccessor::viewData(const GltfContext& context, int view,
                                            std::uint64_t offset, std::uint64_t bytes,
                                            const char* what, std::uint64_t& stride) const {
-  const auto& views = context.model.bufferViews;
-  if (view < 0 || std::size_t(view) >= views.size()) {
-    context.bad("{} {}: bufferView {} does not exist; there are {}", what, number_, view,
-                views.size());
-  }
-  const tinygltf::BufferView& v = views[view];
-  if (v.buffer < 0 || std::size_t(v.buffer) >= context.model.buffers.size()) {
-    context.bad("bufferView {}: buffer {} does not exist", view, v.buffer);
-  }
-  const std::uint64_t have = context.model.buffers[v.buffer].data.size();
-  if (v.byteOffset > have || v.byteLength > have - v.byteOffset) {
-    context.bad("bufferView {}: bytes {} + {} lie outside buffer {} of {} bytes", view,
-                v.byteOffset, v.byteLength, v.buffer, have);
-  }
+  const std::span<const std::uint8_t> all = bytesOfView(context, view);
+  const tinygltf::BufferView& v = context.model.bufferViews[view];
   if (bytes == 0) {
     if (v.byteStride != 0) stride = v.byteStride;
     if (stride < elementSize_) {
@@ -123,7 +111,7 @@ const std::uint8_t* GltfAccessor::viewData(const GltfContext& context, int view,
     context.bad("{} {}: needs {} bytes at offset {}, but bufferView {} has {}", what, number_,
                 bytes, offset, view, v.byteLength);
   }
-  return context.model.buffers[v.buffer].data.data() + v.byteOffset + offset;
+  return all.data() + offset;
 }
 
 void GltfAccessor::applySparse(const GltfContext& context, const tinygltf::Accessor& accessor) {

@@ -5,6 +5,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include "src/scene/gltf_file.h"
+
 namespace trex::detail {
 namespace {
 
@@ -26,30 +28,20 @@ Json* meshoptOf(Json& object) {
   return found == extensions->end() || !found->is_object() ? nullptr : &*found;
 }
 
+/// Views that meshopt compressed become plain views of their compressed bytes.
 void plainViews(Json& document) {
-  const auto each = [&](const char* list, auto change) {
-    const auto found = document.find(list);
-    if (found == document.end() || !found->is_array()) return;
-    for (Json& object : *found) {
-      if (Json* extension = meshoptOf(object)) change(object, *extension);
-    }
-  };
-  each("bufferViews", [](Json& view, const Json& extension) {
+  const auto views = document.find("bufferViews");
+  if (views == document.end() || !views->is_array()) return;
+  for (Json& view : *views) {
+    const Json* extension = meshoptOf(view);
+    if (extension == nullptr) continue;
+    const Json from = *extension;
     view["byteOffset"] = 0;
     for (const char* key : {"buffer", "byteOffset", "byteLength"}) {
-      if (extension.contains(key)) view[key] = extension[key];
+      if (from.contains(key)) view[key] = from[key];
     }
     view.erase("byteStride");
-  });
-  each("buffers", [](Json& buffer, const Json& extension) {
-    if (!extension.contains("fallback") || extension["fallback"] != true) return;
-    buffer["byteLength"] = 1;
-    buffer["uri"] = "data:application/octet-stream;base64,AA==";
-  });
-}
-
-void put32(std::vector<std::uint8_t>& out, std::uint64_t value) {
-  for (int k = 0; k < 4; ++k) out.push_back(static_cast<std::uint8_t>(value >> (8 * k)));
+  }
 }
 
 /// Draco's primitives need no accessors with views for their indices, but tinygltf asks for them.
@@ -114,29 +106,6 @@ bool applyFilter(const View& v, std::vector<std::uint8_t>& data) {
     return false;
   }
   return true;
-}
-
-/// The bytes of a buffer view. Throws Error(kInput) if they are not there.
-std::span<const std::uint8_t> bytesOfView(const GltfContext& context, std::size_t number) {
-  const auto& views = context.model.bufferViews;
-  if (number >= views.size()) context.bad("bufferView {} does not exist", number);
-  const tinygltf::BufferView& view = views[number];
-  if (view.buffer < 0 || std::size_t(view.buffer) >= context.model.buffers.size()) {
-    context.bad("bufferView {}: buffer {} does not exist", number, view.buffer);
-  }
-  const auto& data = context.model.buffers[view.buffer].data;
-  if (view.byteOffset > data.size() || view.byteLength > data.size() - view.byteOffset) {
-    context.bad("bufferView {} lies outside its buffer", number);
-  }
-  return {data.data() + view.byteOffset, view.byteLength};
-}
-
-/// Makes a view of bytes in a buffer of their own.
-void setData(GltfContext& context, tinygltf::BufferView& view, std::vector<std::uint8_t> data) {
-  view.buffer = static_cast<int>(context.model.buffers.size());
-  view.byteOffset = 0;
-  view.byteLength = data.size();
-  context.model.buffers.emplace_back().data = std::move(data);
 }
 
 /// Values of a draco attribute at all points, as an accessor's component type wants them.
@@ -227,31 +196,13 @@ int dracoIndices(GltfContext& context, const draco::Mesh& mesh) {
 
 }  // namespace
 
-std::vector<std::uint8_t> readableForm(const std::vector<std::uint8_t>& bytes,
-                                       std::string_view json) {
-  if (json.find(kMeshopt) == json.npos && json.find(kDraco) == json.npos) return {};
+void makeReadable(std::string& json) {
+  if (json.find(kMeshopt) == json.npos && json.find(kDraco) == json.npos) return;
   Json document = Json::parse(json, nullptr, false);
-  if (!document.is_object()) return {};  // the reader says what is wrong
+  if (!document.is_object()) return;  // the reader says what is wrong
   plainViews(document);
   dropDracoIndices(document);
-  std::string text = document.dump(-1, ' ', false, Json::error_handler_t::replace);
-  const char* start = reinterpret_cast<const char*>(bytes.data());
-  if (json.data() == start) return {text.begin(), text.end()};
-  text.resize((text.size() + 3) / 4 * 4, ' ');
-  // Chunks: the 12 bytes of the file's header, the JSON with 8 of its own, and what follows.
-  const std::size_t rest = static_cast<std::size_t>(json.data() - start) + json.size();
-  const std::size_t length = std::min<std::size_t>(
-      bytes.size(), bytes[8] | bytes[9] << 8 | bytes[10] << 16 | std::uint64_t{bytes[11]} << 24);
-  std::vector<std::uint8_t> out(bytes.begin(), bytes.begin() + 8);
-  put32(out, 20 + text.size() + (length > rest ? length - rest : 0));
-  put32(out, text.size());
-  out.insert(out.end(), bytes.begin() + 16, bytes.begin() + 20);
-  out.insert(out.end(), text.begin(), text.end());
-  if (length > rest) {
-    out.insert(out.end(), bytes.begin() + static_cast<std::ptrdiff_t>(rest),
-               bytes.begin() + static_cast<std::ptrdiff_t>(length));
-  }
-  return out;
+  json = document.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 void decodeMeshopt(GltfContext& context) {
@@ -261,7 +212,7 @@ void decodeMeshopt(GltfContext& context) {
     if (found == views[i].extensions.end()) continue;
     const bool good = context.attempt("what it holds is left out", [&] {
       const View view = readView(context, found->second, i);
-      const auto from = bytesOfView(context, i);
+      const auto from = bytesOfView(context, static_cast<int>(i));
       if (view.count * view.stride > kMostMeshoptRatio * from.size()) {
         context.bad("bufferView {}: {} bytes can't hold {} elements of {}", i, from.size(),
                     view.count, view.stride);
@@ -287,8 +238,7 @@ tinygltf::Primitive decodeDraco(GltfContext& context, const tinygltf::Primitive&
       !e.Has("attributes") || !e.Get("attributes").IsObject()) {
     context.bad("{}: {} has no bufferView or attributes", where, kDraco);
   }
-  const auto bytes =
-      bytesOfView(context, static_cast<std::size_t>(std::max(indexOf(e.Get("bufferView")), 0)));
+  const auto bytes = bytesOfView(context, indexOf(e.Get("bufferView")));
   std::uint64_t promised = 0;
   for (const auto& [name, index] : p.attributes) promised += accessorAt(context, index).count;
   if (promised > kMostDracoRatio * bytes.size()) {

@@ -11,12 +11,10 @@
 
 namespace trex::detail {
 
-/// The file's bytes with views that meshopt compressed made plain views of their compressed bytes,
-/// and fallback buffers, which need not be there, made empty, and draco's primitives without
-/// indices: as tinygltf can read them. Empty if the file has neither. `json` is the part of `bytes`
-/// that is JSON.
-std::vector<std::uint8_t> readableForm(const std::vector<std::uint8_t>& bytes,
-                                       std::string_view json);
+/// Makes the JSON of a compressed file one that tinygltf reads: views that meshopt compressed
+/// become plain views of their compressed bytes, draco's primitives lose their indices. Others
+/// stay.
+void makeReadable(std::string& json);
 
 /// Decodes all views that meshopt compressed, into buffers of their own. One that can't be decoded
 /// becomes empty, and that is said.

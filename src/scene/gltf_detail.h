@@ -12,7 +12,9 @@
 #include <cmath>
 #include <cstring>
 #include <map>
+#include <memory>
 #include <set>
+#include <span>
 #include <string>
 #include <tuple>
 #include <vector>
@@ -24,12 +26,27 @@ namespace trex::detail {
 /// What is shown instead of a broken part: nothing.
 inline constexpr const char* kLeftOut = "it is left out";
 
+/// Bytes of a buffer, wherever they lie.
+struct GltfBuffer {
+  std::span<const std::uint8_t> bytes;
+  std::shared_ptr<const void> owner;  ///< of the bytes; null if they are the file's own
+  std::string problem;                ///< why there are none
+};
+
+/// An image as the file names it: by a URI, or else a buffer view.
+struct GltfImage {
+  std::string name, uri;
+  int bufferView = kNone;
+};
+
 /// What all parts of the reader need: the parsed file and where messages go.
 struct GltfContext {
   std::filesystem::path path;
   std::string name;  ///< of the file, for messages
   ImportOptions options;
-  tinygltf::Model model;
+  tinygltf::Model model;  ///< without buffers and images
+  std::vector<GltfBuffer> buffers;
+  std::vector<GltfImage> images;
   Scene scene;
   std::set<std::string> said;  ///< warnings already in the scene
 
@@ -156,7 +173,6 @@ class GltfMaterials {
                   bool srgb);
   Texture textureProperty(Slot slot, const tinygltf::Value& object, const char* key, bool srgb);
   int sceneImage(int gltfImage, bool srgb);
-  Image loadImage(const PendingImage& pending) const;
   float inRange(double value, double low, double high, const char* what);
   float number(const tinygltf::Value& object, const char* key, double fallback, double low,
                double high);

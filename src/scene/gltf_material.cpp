@@ -1,7 +1,7 @@
 #include <algorithm>
 
 #include "src/scene/gltf_detail.h"
-#include "src/scene/image_io.h"
+#include "src/scene/gltf_file.h"
 #include "src/scene/texture.h"
 
 namespace trex::detail {
@@ -29,27 +29,6 @@ float finiteOr(const tinygltf::Value* value, float fallback) {
 vec2 pairOr(const tinygltf::Value* value, vec2 fallback) {
   if (value == nullptr || !value->IsArray() || value->ArrayLen() != 2) return fallback;
   return {finiteOr(&value->Get(0), fallback.x), finiteOr(&value->Get(1), fallback.y)};
-}
-
-/// "%20" and the like in a URI.
-std::string percentDecoded(const std::string& text) {
-  std::string decoded;
-  const auto digit = [](char c) {
-    return c >= '0' && c <= '9'   ? c - '0'
-           : c >= 'a' && c <= 'f' ? c - 'a' + 10
-           : c >= 'A' && c <= 'F' ? c - 'A' + 10
-                                  : -1;
-  };
-  for (std::size_t i = 0; i < text.size(); ++i) {
-    if (text[i] == '%' && i + 2 < text.size() && digit(text[i + 1]) >= 0 &&
-        digit(text[i + 2]) >= 0) {
-      decoded.push_back(static_cast<char>(digit(text[i + 1]) * 16 + digit(text[i + 2])));
-      i += 2;
-    } else {
-      decoded.push_back(text[i]);
-    }
-  }
-  return decoded;
 }
 
 }  // namespace
@@ -284,7 +263,7 @@ Texture GltfMaterials::texture(Slot slot, int index, int texCoord,
     const auto* value = member(*webp, "source");
     if (value != nullptr && value->IsNumber()) source = indexOf(*value);
   }
-  if (source < 0 || std::size_t(source) >= context_.model.images.size()) {
+  if (source < 0 || std::size_t(source) >= context_.images.size()) {
     context_.replace("{}: texture {} has no image that can be read; it is left out", currentName_,
                      index);
     return {};
@@ -319,40 +298,13 @@ int GltfMaterials::sceneImage(int gltfImage, bool srgb) {
   return at->second;
 }
 
-Image GltfMaterials::loadImage(const PendingImage& pending) const {
-  const tinygltf::Image& image = context_.model.images[pending.gltfImage];
-  const std::string name = fmt::format("{}: image {} ('{}')", context_.name, pending.gltfImage,
-                                       image.uri.empty() ? image.name : image.uri.substr(0, 80));
-  if (image.bufferView >= 0) {
-    const auto& views = context_.model.bufferViews;
-    const auto& buffers = context_.model.buffers;
-    if (std::size_t(image.bufferView) >= views.size() ||
-        std::size_t(views[image.bufferView].buffer) >= buffers.size()) {
-      fail(ExitCode::kInput, "{}: bufferView {} or its buffer does not exist", name,
-           image.bufferView);
-    }
-    const tinygltf::BufferView& view = views[image.bufferView];
-    const auto& data = buffers[view.buffer].data;
-    if (view.byteOffset > data.size() || view.byteLength > data.size() - view.byteOffset) {
-      fail(ExitCode::kInput, "{}: bufferView {} lies outside its buffer", name, image.bufferView);
-    }
-    return decodeImage({data.data() + view.byteOffset, view.byteLength}, name, pending.srgb);
-  }
-  if (image.uri.empty()) return decodeImage(image.image, name, pending.srgb);
-  if (image.uri.find(':') < 12 && image.uri.find('/') > image.uri.find(':')) {
-    fail(ExitCode::kInput, "{}: only files and base64 data URIs of common types can be read", name);
-  }
-  const std::filesystem::path path = context_.path.parent_path() / percentDecoded(image.uri);
-  noteFile(context_.scene, path);
-  return decodeImage(readWholeFile(path, name), name, pending.srgb);
-}
-
 void GltfMaterials::loadImages() {
   // One after the other: decoding in parallel crashed now and then with OpenImageIO 2.4.7 (2 of
   // about 65 runs on 15 textures, cause not found), for 0.04 s gained.
   for (const PendingImage& pending : pending_) {
     Image& image = context_.scene.images.emplace_back();
-    context_.attempt("textures of it are left out", [&] { image = loadImage(pending); });
+    context_.attempt("textures of it are left out",
+                     [&] { image = decodeGltfImage(context_, pending.gltfImage, pending.srgb); });
   }
 }
 

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -16,6 +18,9 @@ namespace trex::detail {
 inline constexpr std::uint64_t kMaxElements = 0xfffffff0u;
 
 Scene readGltf(const std::filesystem::path& path, const ImportOptions& options);
+/// The same of a file in memory; `path` is where the files that it names are looked for.
+Scene readGltf(std::span<const std::uint8_t> bytes, const std::filesystem::path& path,
+               const ImportOptions& options);
 Scene readPly(const std::filesystem::path& path, const ImportOptions& options);
 Scene readStl(const std::filesystem::path& path, const ImportOptions& options);
 Scene readObj(const std::filesystem::path& path, const ImportOptions& options);

@@ -84,8 +84,12 @@ TEST_F(SceneBadInput, Gltf) {
        "node 1"},
       {"nothing to render", [](json& d) { d["nodes"][0].erase("mesh"); }, "no triangle"},
       {"missing buffer file", [](json& d) { d["buffers"][0]["uri"] = "none.bin"; }, "none.bin"},
-      {"buffer longer than the file", [](json& d) { d["buffers"][0]["byteLength"] = 1 << 30; },
-       "byteLength"},
+      {"buffer without data",
+       [](json& d) {
+         d["bufferViews"][0]["buffer"] = 1;
+         d["buffers"].push_back({{"byteLength", 36}});
+       },
+       "buffer 1 has no data"},
       {"buffers are no list", [](json& d) { d["buffers"] = 5; }, "buffer 0"},
       {"accessors are numbers",
        [](json& d) {

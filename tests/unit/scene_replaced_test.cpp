@@ -165,6 +165,27 @@ TEST_F(SceneReplaced, GltfParts) {
          addTexture(d, {{"bufferView", 1}, {"mimeType", "image/png"}});
        },
        "bufferView 1"},
+      {"image of no buffer view",
+       [](json& d) {
+         addTexture(d, {{"bufferView", 9}, {"mimeType", "image/png"}});
+       },
+       "bufferView 9"},
+      {"image of nothing",
+       [](json& d) {
+         addTexture(d, {{"name", "none"}});
+       },
+       "bufferView -1"},
+      {"buffer longer than the file", [](json& d) { d["buffers"][0]["byteLength"] = 1 << 30; },
+       "byteLength is 1073741824"},
+      {"buffer file that is not there",
+       [&](json& d) {
+         d["buffers"].push_back({{"byteLength", 36}, {"uri", "gone.bin"}});
+         d["bufferViews"].push_back({{"buffer", 1}, {"byteLength", 36}});
+         d["accessors"].push_back(
+             {{"bufferView", 1}, {"componentType", 5126}, {"type", "VEC3"}, {"count", 3}});
+         addPrimitive(d, {{"attributes", {{"POSITION", 1}}}});
+       },
+       "gone.bin"},
       {"factor out of range",
        [](json& d) {
          addTexture(d, {{"uri", "a.png"}});
