@@ -3,11 +3,11 @@
 
 #include <cerrno>
 #include <cstring>
-#include <filesystem>
 #include <string>
 #include <vector>
 
 #include "src/app/app.h"
+#include "src/core/child.h"
 #include "src/core/error.h"
 
 namespace trex {
@@ -15,9 +15,7 @@ namespace {
 
 /// Becomes trex-view with the arguments that came after "view".
 [[noreturn]] void becomeViewer(const std::vector<std::string>& arguments) {
-  std::error_code problem;
-  const auto self = std::filesystem::read_symlink("/proc/self/exe", problem);
-  const std::string viewer = (self.parent_path() / "trex-view").string();
+  const std::string viewer = besideProgram("trex-view").string();
   std::vector<char*> words{const_cast<char*>(viewer.c_str())};
   for (const std::string& argument : arguments) {
     words.push_back(const_cast<char*>(argument.c_str()));

@@ -56,6 +56,24 @@ bool isHarmless(const std::string& name) {
   return false;
 }
 
+/// What the reader of another format that made this file has to say (src/assimp/child.h).
+void takeNotes(GltfContext& context) {
+  const tinygltf::Value& extras = context.model.asset.extras;
+  const auto each = [&](const char* key, const auto& use) {
+    if (!extras.IsObject() || !extras.Has(key) || !extras.Get(key).IsArray()) return;
+    const tinygltf::Value& list = extras.Get(key);
+    for (std::size_t i = 0; i < list.ArrayLen(); ++i) {
+      const tinygltf::Value& text = list.Get(static_cast<int>(i));
+      if (text.IsString()) use(oneLine(text.Get<std::string>()));
+    }
+  };
+  each("replaced", [&](const std::string& text) { context.replace("{}", text); });
+  each("warnings", [&](const std::string& text) { context.warn("{}", text); });
+  each("files", [&](const std::string& file) {
+    if (file != context.name) noteFile(context.scene, file);
+  });
+}
+
 void checkVersionAndExtensions(GltfContext& context) {
   const tinygltf::Model& model = context.model;
   if (model.asset.version.substr(0, 2) != "2.") {
@@ -414,22 +432,32 @@ class NodeReader {
 
 }  // namespace
 
-Scene readGltf(std::span<const std::uint8_t> bytes, const std::filesystem::path& path,
-               const ImportOptions& options) {
+namespace {
+
+Scene read(std::span<const std::uint8_t> bytes, const std::filesystem::path& path,
+           const ImportOptions& options, bool handedOver) {
   GltfContext context;
   context.path = path;
   context.name = path.string();
   context.options = options;
   parseGltf(context, bytes);
+  if (handedOver) takeNotes(context);
   checkVersionAndExtensions(context);
   decodeMeshopt(context);
   NodeReader(context).read();
   return std::move(context.scene);
 }
 
+}  // namespace
+
 Scene readGltf(const std::filesystem::path& path, const ImportOptions& options) {
   const MappedFile file(path);
-  return readGltf({file.data(), file.size()}, path, options);
+  return read({file.data(), file.size()}, path, options, false);
+}
+
+Scene readHandedOver(std::span<const std::uint8_t> bytes, const std::filesystem::path& path,
+                     const ImportOptions& options) {
+  return read(bytes, path, options, true);
 }
 
 }  // namespace trex::detail

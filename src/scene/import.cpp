@@ -37,6 +37,14 @@ void noteFile(Scene& scene, const std::filesystem::path& path) {
   if (!known) scene.files.push_back(examineSource(path));
 }
 
+void noteNoUnit(Scene& scene, const std::string& format, const std::filesystem::path& path,
+                const ImportOptions& options) {
+  if (!options.key().empty()) return;
+  scene.warnings.push_back(
+      fmt::format("{}: {} tells no unit and no up; metres and y are taken (--unit mm --up z)",
+                  path.string(), format));
+}
+
 }  // namespace detail
 
 SourceFile examineSource(const std::filesystem::path& path) {
@@ -95,8 +103,46 @@ Scene readByExtension(const std::filesystem::path& path, const ImportOptions& op
   if (extension == ".ply") return detail::readPly(path, options);
   if (extension == ".obj") return detail::readObj(path, options);
   if (extension == ".stl") return detail::readStl(path, options);
-  fail(ExitCode::kInput, "{}: unknown extension '{}'; .gltf, .glb, .ply, .obj and .stl can be read",
+  if (detail::isAssimpExtension(extension)) {
+    if (detail::knowsItsUnit(extension) && (options.unit != 1.0 || options.zUp)) {
+      fail(ExitCode::kUsage,
+           "{}: {} files tell their unit and what is up; --unit and --up are for "
+           "others",
+           path.string(), extension);
+    }
+    Scene scene = detail::readAssimp(path, options);
+    if (!detail::knowsItsUnit(extension)) {
+      detail::noteNoUnit(scene, extension, path, options);
+    }
+    return scene;
+  }
+  fail(ExitCode::kInput,
+       "{}: unknown extension '{}'; .gltf, .glb, .ply, .obj, .stl and what assimp knows (.fbx, "
+       ".dae, .3ds, .3mf, ...) can be read",
        path.string(), extension);
+}
+
+/// Moves a scene by a matrix that turns and scales, the latter by `scale`.
+void place(Scene& scene, const dmat4& world, double scale) {
+  const auto point = [&](const dvec3& p) { return dvec3(world * glm::dvec4(p, 1.0)); };
+  const auto direction = [&](const vec3& d) {
+    return vec3(dvec3(world * glm::dvec4(dvec3(d), 0.0)) / scale);
+  };
+  const auto length = static_cast<float>(scale);
+  for (Instance& instance : scene.instances) instance.transform = world * instance.transform;
+  for (Light& light : scene.lights) {
+    light.position = point(light.position);
+    light.direction = direction(light.direction);
+    light.range *= length;
+    // What it shines on is as bright as before.
+    if (light.type != Light::Type::kDirectional) light.intensity *= length * length;
+  }
+  for (Camera& camera : scene.cameras) {
+    camera.eye = point(camera.eye);
+    camera.forward = direction(camera.forward);
+    camera.up = direction(camera.up);
+    camera.orthographicHeight *= length;
+  }
 }
 
 }  // namespace
@@ -166,9 +212,7 @@ Scene importScene(const std::filesystem::path& path, const ImportOptions& option
          scene.replaced.texts.empty() ? "" : ": ",
          scene.replaced.texts.empty() ? "" : scene.replaced.texts.front());
   }
-  for (Instance& instance : scene.instances) {
-    instance.transform = options.toWorld() * instance.transform;
-  }
+  if (options.unit != 1.0 || options.zUp) place(scene, options.toWorld(), options.unit);
   detail::checkExtent(scene);
   addVolumes(scene, options.volumes, options.maxMemory);
   addDefaultLightAndCamera(scene, options.environmentGiven);

@@ -1,5 +1,5 @@
-// Reading models: .gltf .glb .ply .obj .stl. Every file may be hostile; sizes are checked before
-// use.
+// Reading models: .gltf .glb .ply .obj .stl, and what assimp knows (assimp_file.cpp). Every file may
+// be hostile; sizes are checked before use.
 //
 // glTF 2.0: triangles, strips and fans, all index and sparse accessors, vertex colours, node
 // transforms and instances, skins and morph targets at rest or at a moment of an animation,
@@ -35,7 +35,7 @@ struct ImportOptions {
   std::vector<VolumeRequest> volumes{};  ///< media besides those of the file
   std::uint64_t maxMemory = 0;           ///< bytes this process may use; 0: what the machine has
   bool strict = false;                   ///< a part that can't be shown as it is is an error
-  /// Of formats that know neither (PLY, OBJ, STL): metres of one of the file's units, and whether
+  /// Of formats that know neither (all but glTF, FBX, COLLADA, IFC, X3D): metres of one of the file's units, and whether
   /// its z is up. Error(kUsage) with others.
   double unit = 1.0;
   bool zUp = false;

@@ -18,9 +18,16 @@ namespace trex::detail {
 inline constexpr std::uint64_t kMaxElements = 0xfffffff0u;
 
 Scene readGltf(const std::filesystem::path& path, const ImportOptions& options);
-/// The same of a file in memory; `path` is where the files that it names are looked for.
-Scene readGltf(std::span<const std::uint8_t> bytes, const std::filesystem::path& path,
-               const ImportOptions& options);
+/// The model at `path` as a reader in another process handed it over (src/assimp/child.h).
+Scene readHandedOver(std::span<const std::uint8_t> bytes, const std::filesystem::path& path,
+                     const ImportOptions& options);
+/// What assimp reads, by its extension with the dot, in lower case. A process of its own does: a
+/// file that breaks it is Error(kInput), one that needs more than ImportOptions::maxMemory
+/// Error(kMemoryOrDevice).
+Scene readAssimp(const std::filesystem::path& path, const ImportOptions& options);
+bool isAssimpExtension(const std::string& extension);
+/// Whether files of such a format tell their unit and what is up.
+bool knowsItsUnit(const std::string& extension);
 Scene readPly(const std::filesystem::path& path, const ImportOptions& options);
 Scene readStl(const std::filesystem::path& path, const ImportOptions& options);
 Scene readObj(const std::filesystem::path& path, const ImportOptions& options);
@@ -37,6 +44,10 @@ std::unique_ptr<TriangleStream> openPlyStream(const std::filesystem::path& path,
 /// Adds a file that is about to be read to Scene::files, once. One that is not there is left to
 /// the reader to complain about.
 void noteFile(Scene& scene, const std::filesystem::path& path);
+
+/// Warns that a format tells no unit, unless one was given.
+void noteNoUnit(Scene& scene, const std::string& format, const std::filesystem::path& path,
+                const ImportOptions& options);
 
 /// Lambertian grey: what a surface without a material looks like.
 Material defaultMaterial();

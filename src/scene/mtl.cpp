@@ -6,6 +6,7 @@
 
 #include "src/scene/image_make.h"
 #include "src/scene/import_detail.h"
+#include "src/scene/phong.h"
 #include "src/scene/statements.h"
 #include "src/scene/texture_file.h"
 
@@ -76,15 +77,11 @@ class MtlReader {
     if (m.baseColorTexture.present() && !read_.color) m.baseColor = vec4(1.0f);
     if (m.emissiveTexture.present() && !read_.emission) m.emission = vec3(1.0f);
     if (m.specularColorTexture.present() && !read_.specularGiven) read_.specular = vec3(0.5f);
-    const float strongest = maxComponent(read_.specular);
-    if (strongest > 0.0f) {
-      m.specular = std::min(1.0f, 2.0f * strongest);
-      m.specularColor = read_.specular / strongest;
-    }
+    m.specular = specularOf(read_.specular, m.specularColor);
     if (read_.roughness) {
       m.roughness = *read_.roughness;
     } else if (read_.exponent) {
-      m.roughness = std::pow(2.0f / (*read_.exponent + 2.0f), 0.25f);
+      m.roughness = roughnessOf(*read_.exponent);
     }
     m.baseColor.a = opacity();
     if (m.baseColor.a < 1.0f) m.alphaMode = AlphaMode::kBlend;

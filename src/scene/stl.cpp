@@ -169,14 +169,8 @@ StlKind kindOfStl(const std::filesystem::path& path) {
 
 Scene readStl(const std::filesystem::path& path, const ImportOptions& options) {
   Scene scene = StlReader(path).read();
-  noteStlUnit(scene, path, options);
+  noteNoUnit(scene, "STL", path, options);
   return scene;
-}
-
-void noteStlUnit(Scene& scene, const std::filesystem::path& path, const ImportOptions& options) {
-  if (!options.key().empty()) return;
-  scene.warnings.push_back(fmt::format(
-      "{}: STL tells no unit and no up; metres and y are taken (--unit mm --up z)", path.string()));
 }
 
 }  // namespace trex::detail

@@ -22,7 +22,4 @@ struct StlKind {
 /// Looks at the first bytes and the size. Throws Error(kInput) if the file can't be read.
 StlKind kindOfStl(const std::filesystem::path& path);
 
-/// Warns that a file has no unit, unless one was given.
-void noteStlUnit(Scene& scene, const std::filesystem::path& path, const ImportOptions& options);
-
 }  // namespace trex::detail

@@ -35,7 +35,7 @@ class StlStream : public TriangleStream {
           fmt::format("{}: its header says {} triangles, it has room for {}; those are shown",
                       scene_.source, kind.said, kind.triangles));
     }
-    noteStlUnit(scene_, path, options);
+    noteNoUnit(scene_, "STL", path, options);
     if (!bounds_.empty()) scene_.cameras.push_back(framingCamera(bounds_));
     addDefaultLightAndCamera(scene_, options.environmentGiven);
     tellReplaced(scene_, options.strict);

@@ -1,21 +1,18 @@
 #include "src/vdb/vdb_library.h"
 
 #include <dlfcn.h>
-#include <fcntl.h>
-#include <sys/mman.h>
 #include <sys/resource.h>
-#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <cmath>
-#include <csignal>
 #include <cstdio>
 #include <cstring>
 #include <memory>
 #include <string>
 
+#include "src/core/child.h"
 #include "src/core/error.h"
 
 namespace trex {
@@ -27,37 +24,6 @@ using Bytes = std::span<const std::byte>;
 constexpr std::size_t kVoxels = 512;
 constexpr std::uint64_t kSpareBytes = std::uint64_t{256} << 20;  // of OpenVDB, beside the values
 
-/// A file without a name, in memory.
-class MemoryFile {
- public:
-  MemoryFile() : file_(::memfd_create("fog", MFD_CLOEXEC)) {
-    if (file_ < 0) {
-      fail(ExitCode::kMemoryOrDevice, "no memory to read a volume: {}", std::strerror(errno));
-    }
-  }
-  ~MemoryFile() { ::close(file_); }
-  MemoryFile(const MemoryFile&) = delete;
-  MemoryFile& operator=(const MemoryFile&) = delete;
-  int descriptor() const { return file_; }
-  /// What was written.
-  std::shared_ptr<const Bytes> map() const {
-    struct stat status {};
-    if (::fstat(file_, &status) != 0 || status.st_size == 0) return std::make_shared<Bytes>();
-    const auto size = static_cast<std::size_t>(status.st_size);
-    void* const start = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file_, 0);
-    if (start == MAP_FAILED) {
-      fail(ExitCode::kMemoryOrDevice, "no memory to read a volume: {}", std::strerror(errno));
-    }
-    return {new Bytes(static_cast<const std::byte*>(start), size), [](const Bytes* bytes) {
-              ::munmap(const_cast<std::byte*>(bytes->data()), bytes->size());
-              delete bytes;
-            }};
-  }
-
- private:
-  int file_;
-};
-
 /// Bytes of private memory that this process has mapped; 0 if unknown.
 std::uint64_t dataBytes() {
   std::FILE* file = std::fopen("/proc/self/statm", "r");
@@ -68,33 +34,13 @@ std::uint64_t dataBytes() {
   return found == 1 ? pages * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE)) : 0;
 }
 
-void limit(__rlimit_resource what, std::uint64_t value) {
-  const rlimit l{value, value};
-  ::setrlimit(what, &l);
-}
-
 /// In the process of the reader: whatever happens there stays there.
 [[noreturn]] void readAlone(TrexReadVdb* read, const char* path, std::uint64_t maxBytes,
                             std::uint64_t fileBytes, std::uint64_t before, int output) {
-  for (const int number : {SIGSEGV, SIGBUS, SIGABRT, SIGFPE, SIGILL, SIGINT, SIGTERM}) {
-    std::signal(number, SIG_DFL);
-  }
-  limit(RLIMIT_CORE, 0);
-  limit(RLIMIT_CPU, 60 + fileBytes / 1'000'000);
-  if (before > 0) limit(RLIMIT_DATA, before + 2 * maxBytes + kSpareBytes);
-  const int nowhere = ::open("/dev/null", O_WRONLY | O_CLOEXEC);
-  if (nowhere >= 0) ::dup2(nowhere, STDERR_FILENO);
+  becomeReader();
+  limitProcess(RLIMIT_CPU, readingSeconds(fileBytes));
+  if (before > 0) limitProcess(RLIMIT_DATA, before + 2 * maxBytes + kSpareBytes);
   ::_exit(read(path, maxBytes, output));
-}
-
-/// One line of plain characters: names of grids come from the file.
-std::string textOf(Bytes bytes) {
-  constexpr std::size_t kMost = 1000;
-  std::string text(reinterpret_cast<const char*>(bytes.data()), std::min(bytes.size(), kMost));
-  for (char& c : text) {
-    if (c != '\n' && (c < ' ' || c > '~')) c = '?';
-  }
-  return oneLine(std::move(text));
 }
 
 /// Takes the answer apart; false if its parts are not as long as it says.
@@ -149,8 +95,7 @@ void check(const VdbFog& fog, const std::string& name) {
 }  // namespace
 
 void* findVdbFunction(const char* name) {
-  std::error_code error;
-  const fs::path path = fs::read_symlink("/proc/self/exe", error).parent_path() / "libtrex_vdb.so";
+  const fs::path path = besideProgram("libtrex_vdb.so");
   void* library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);  // kept until the program ends
   void* function = library != nullptr ? dlsym(library, name) : nullptr;
   if (function == nullptr) {
@@ -173,9 +118,7 @@ VdbFog readFog(const fs::path& path, std::uint64_t maxBytes) {
     fail(ExitCode::kMemoryOrDevice, "{}: no process to read it: {}", name, std::strerror(errno));
   }
   if (child == 0) readAlone(read, name.c_str(), maxBytes, fileBytes, before, output.descriptor());
-  int status = 0;
-  while (::waitpid(child, &status, 0) < 0 && errno == EINTR) {
-  }
+  const int status = waitForChild(child);
   if (!WIFEXITED(status)) {
     fail(ExitCode::kInput, "{}: is damaged: OpenVDB crashed on it (signal {})", name,
          WTERMSIG(status));

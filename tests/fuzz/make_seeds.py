@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Writes small valid models, where the fuzzing of the text formats starts.
 
-Usage: make_seeds.py FOLDER; makes FOLDER/{gltf,glb,ply,obj,stl}/.
+Usage: make_seeds.py FOLDER; makes FOLDER/{gltf,glb,assimp,ply,obj,stl}/.
 """
 import base64
 import json
@@ -116,6 +116,12 @@ def glb(tree, data):
     return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
 
 
+def handed_over(tree, data):
+    """As trex-assimp writes it."""
+    tree["asset"]["extras"] = {"replaced": ["a part"], "warnings": ["w"], "files": ["a.bin"]}
+    return glb(tree, data)
+
+
 def ply():
     header = ("ply\nformat {} 1.0\ncomment c\nelement vertex 4\nproperty {} x\nproperty {} y\nproperty {} z\n"
               "{}element face 1\nproperty list uchar int vertex_indices\n{}end_header\n")
@@ -191,7 +197,7 @@ def compressed():
 def main(folder):
     models = [plain(), attributes(), sparse(), posed(), compressed()]
     seeds = {"gltf": [gltf(*m) for m in models], "glb": [glb(*m) for m in models],
-             "ply": list(ply()), "obj": OBJ, "stl": list(stl())}
+             "assimp": [handed_over(*m) for m in models[:3]], "ply": list(ply()), "obj": OBJ, "stl": list(stl())}
     for name, inputs in seeds.items():
         os.makedirs(os.path.join(folder, name), exist_ok=True)
         for i, data in enumerate(inputs):

@@ -1,6 +1,7 @@
 // One broken part does not refuse a model: the rest is shown, and Scene::replaced names the part.
 #include <functional>
 
+#include "src/scene/import_detail.h"
 #include "tests/unit/scene_helpers.h"
 
 namespace trex::test {
@@ -313,6 +314,31 @@ TEST_F(SceneReplaced, ManyPartsAreCountedAndTheFirstNamed) {
   const Scene s = import("a.obj", text);
   EXPECT_EQ(s.replaced.count, 1000u);
   EXPECT_EQ(s.replaced.texts.size(), Replaced::kMostTexts);
+}
+
+// What the process that reads a file of another format hands over; see src/assimp/child.h.
+TEST_F(SceneReplaced, NotesOfAModelThatWasHandedOver) {
+  GlbBuilder b = triangleGlb();
+  const std::filesystem::path other = write("other.dat", "x");
+  b.doc["asset"]["extras"] = {{"replaced", {"a part\nof it", 7, json::array()}},
+                              {"warnings", {"a warning"}},
+                              {"files", {other.string(), "none", 3}}};
+  const std::string glb = b.glb();
+  const std::span bytes(reinterpret_cast<const std::uint8_t*>(glb.data()), glb.size());
+  const Scene s = detail::readHandedOver(bytes, folder_ / "m.fbx", {});
+  EXPECT_EQ(s.replaced.count, 1u);
+  EXPECT_TRUE(anyReplaced(s, "m.fbx: a part of it"));
+  EXPECT_TRUE(anyWarning(s, "a warning"));
+  ASSERT_EQ(s.files.size(), 1u);
+  EXPECT_EQ(s.files[0].path, other.string());
+  for (const json& wrong : {json(5), json::array({1}), json{{"replaced", "text"}, {"files", 2}}}) {
+    b.doc["asset"]["extras"] = wrong;
+    const Scene plain = import("m.glb", b.glb());
+    EXPECT_EQ(plain.replaced.count, 0u);
+  }
+  // A file that only says so is not believed.
+  b.doc["asset"]["extras"] = {{"replaced", {"a part"}}};
+  EXPECT_EQ(import("m.glb", b.glb()).replaced.count, 0u);
 }
 
 }  // namespace

@@ -1,0 +1,1 @@
+trex_program_test(assimp_test assimp_test.py)
