@@ -36,6 +36,7 @@ const char* extensionOf(std::span<const std::uint8_t> file) {
   if (starts("\x76\x2f\x31\x01")) return ".exr";
   if (starts("II*") || starts("MM")) return ".tif";
   if (starts("DDS ")) return ".dds";
+  if (starts("PF") || starts("Pf")) return ".pfm";
   return ".tga";
 }
 

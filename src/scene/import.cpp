@@ -89,6 +89,11 @@ void checkReadable(const std::filesystem::path& path) {
 
 Scene readByExtension(const std::filesystem::path& path, const ImportOptions& options) {
   const std::string extension = lowerExtension(path);
+  if (extension == ".pbrt" && (options.unit != 1.0 || options.zUp)) {
+    fail(ExitCode::kUsage,
+         "{}: pbrt scenes have cameras and lights; --unit and --up are for bare models",
+         path.string());
+  }
   if (extension == ".gltf" || extension == ".glb") {
     if (options.unit != 1.0 || options.zUp) {
       fail(ExitCode::kUsage, "{}: glTF is in metres with y up; --unit and --up are for others",
@@ -103,6 +108,7 @@ Scene readByExtension(const std::filesystem::path& path, const ImportOptions& op
   if (extension == ".ply") return detail::readPly(path, options);
   if (extension == ".obj") return detail::readObj(path, options);
   if (extension == ".stl") return detail::readStl(path, options);
+  if (extension == ".pbrt") return detail::readPbrt(path, options);
   if (detail::isAssimpExtension(extension)) {
     if (detail::knowsItsUnit(extension) && (options.unit != 1.0 || options.zUp)) {
       fail(ExitCode::kUsage,

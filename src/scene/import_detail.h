@@ -30,6 +30,7 @@ bool isAssimpExtension(const std::string& extension);
 bool knowsItsUnit(const std::string& extension);
 Scene readPly(const std::filesystem::path& path, const ImportOptions& options);
 Scene readStl(const std::filesystem::path& path, const ImportOptions& options);
+Scene readPbrt(const std::filesystem::path& path, const ImportOptions& options);
 Scene readObj(const std::filesystem::path& path, const ImportOptions& options);
 
 /// A binary STL file as a stream that maps it; null for other files.

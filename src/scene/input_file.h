@@ -29,6 +29,14 @@ class InputFile {
   /// next read; false at the end. A byte order mark in front of the first line is skipped.
   bool readLine(std::string_view& line);
 
+  /// The next byte, or -1 at the end; peek() leaves it there. Lines are not counted.
+  int peek() { return at_ < filled_ || refill() ? buffer_[at_] : -1; }
+  int next() {
+    const int byte = peek();
+    at_ += byte >= 0;
+    return byte;
+  }
+
   /// The next `count` bytes (at most 64), valid until the next read. Throws Error(kInput) if the
   /// file ends before.
   const std::uint8_t* take(std::size_t count) {

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Writes small valid models, where the fuzzing of the text formats starts.
 
-Usage: make_seeds.py FOLDER; makes FOLDER/{gltf,glb,assimp,ply,obj,stl}/.
+Usage: make_seeds.py FOLDER; makes FOLDER/{gltf,glb,assimp,ply,obj,stl,pbrt}/.
 """
 import base64
 import json
@@ -149,6 +149,67 @@ OBJ = [b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
        b"newmtl glass\nNi 1.5\nd 0.5\nTr 0.5\nillum 7\nPr 0.2\nPm 1\nmap_Ke b.png\nmap_d a.png\nbump -bm 0.5 n.png\n"]
 
 
+PBRT = [b'''LookAt 0 0 5 0 0 0 0 1 0
+Film "image" "integer xresolution" [4] "integer yresolution" 2 "float scale" 2
+Camera "perspective" "float fov" [40] "float lensradius" .1 "float focaldistance" 5
+Sampler "halton"
+WorldBegin
+Texture "c" "spectrum" "checkerboard" "float uscale" 4 "rgb tex1" [1 0 0] "rgb tex2" [0 1 0]
+Texture "s" "spectrum" "scale" "texture tex1" "c" "rgb tex2" [.5 .5 .5]
+Texture "m" "float" "mix" "float tex1" .1 "texture tex2" "c" "float amount" .5
+MakeNamedMaterial "u" "string type" "uber" "texture Kd" "s" "rgb Kt" [.1 .1 .1] "texture opacity" "m"
+MakeNamedMaterial "x" "string type" "mix" "string namedmaterial1" "u" "string namedmaterial2" "u"
+ObjectBegin "o"
+NamedMaterial "u"
+Shape "trianglemesh" "point P" [0 0 0 1 0 0 0 1 0] "integer indices" [0 1 2] "normal N" [0 0 1 0 0 1 0 0 1]
+ObjectEnd
+AttributeBegin
+Rotate 30 0 1 0
+Translate 1 2 3
+ObjectInstance "o"
+AttributeEnd
+LightSource "spot" "rgb I" [1 1 1] "point from" [0 1 0] "point to" [0 0 0] "float coneangle" 30
+LightSource "infinite" "blackbody L" [3000 2]
+TransformBegin
+Scale 2 2 2
+AreaLightSource "diffuse" "spectrum L" [400 1 700 2]
+Material "plastic" "float uroughness" .1 "float vroughness" .2
+Shape "trianglemesh" "point P" [0 0 0 1 0 0 0 1 0]
+TransformEnd
+Include "in.pbrt"
+WorldEnd
+#in
+Material "metal" "spectrum eta" "Au.eta.spd"
+Shape "cylinder" "float phimax" 90 "float zmin" 0
+Include "input.pbrt"
+''', b'''Option "bool disablepixeljitter" true
+ColorSpace "rec2020"
+Scale -1 1 1
+Film "rgb" "float iso" 200
+Camera "orthographic" "float screenwindow" [-1 1 -1 1]
+WorldBegin
+Attribute "shape" "float radius" 2
+MakeNamedMedium "g" "string type" "homogeneous" "rgb sigma_a" [1 2 3]
+MediumInterface "g" ""
+Material "dielectric" "spectrum eta" "glass-BK7" "float roughness" .1
+Shape "bilinearmesh" "point3 P" [0 0 0 1 0 0 0 1 0 1 1 1] "point2 uv" [0 0 1 0 0 1 1 1] "float alpha" .5
+LightSource "point" "rgb I" [1 2 3] "float power" 5
+LightSource "distant" "float illuminance" 3
+LightSource "infinite" "string filename" "none.exr"
+AreaLightSource "diffuse" "float power" 3 "bool twosided" true
+Shape "plymesh" "string filename" "none.ply"
+Import "in.pbrt"
+#in
+ActiveTransform EndTime
+Transform [1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1]
+CoordinateSystem "a"
+CoordSysTransform "a"
+ReverseOrientation
+Material "conductor" "rgb reflectance" [.5 .5 .5]
+Shape "disk" "float innerradius" .5 "float height" 1
+''']
+
+
 def stl():
     facets = [POSITIONS[0:9], POSITIONS[3:12]]
     yield struct.pack("<80sI", b"solid s", 2) + b"".join(struct.pack("<12fH", 0, 0, 1, *f, 0) for f in facets)
@@ -197,7 +258,8 @@ def compressed():
 def main(folder):
     models = [plain(), attributes(), sparse(), posed(), compressed()]
     seeds = {"gltf": [gltf(*m) for m in models], "glb": [glb(*m) for m in models],
-             "assimp": [handed_over(*m) for m in models[:3]], "ply": list(ply()), "obj": OBJ, "stl": list(stl())}
+             "assimp": [handed_over(*m) for m in models[:3]], "ply": list(ply()), "obj": OBJ, "stl": list(stl()),
+             "pbrt": PBRT}
     for name, inputs in seeds.items():
         os.makedirs(os.path.join(folder, name), exist_ok=True)
         for i, data in enumerate(inputs):
