@@ -1,6 +1,7 @@
 // What a bundle says of its scene, besides the large arrays: scene.json.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -14,6 +15,13 @@
 namespace trex::bundle {
 
 inline constexpr int kSceneVersion = 2;
+/// Of Material::textures().
+inline constexpr std::array<const char*, Material::kTextures> kTextureKeys = {
+    "base_color_texture",       "metallic_roughness_texture", "normal_texture",
+    "emissive_texture",         "transmission_texture",       "specular_texture",
+    "specular_color_texture",   "clearcoat_texture",          "clearcoat_roughness_texture",
+    "clearcoat_normal_texture", "sheen_color_texture",        "sheen_roughness_texture",
+    "anisotropy_texture",       "iridescence_texture",        "iridescence_thickness_texture"};
 
 /// A file that the bundle was baked from.
 struct BakedFile {

@@ -15,10 +15,6 @@ using nlohmann::json;
 constexpr int kMaxImageSide = 1 << 16;
 constexpr std::uint64_t kMaxTexels = std::uint64_t{1} << 30;
 constexpr std::uint64_t kMaxElements = 0xfffffff0u;  // of a mesh: indices are 32 bits wide
-constexpr auto kTextureKeys = {"base_color_texture",    "metallic_roughness_texture",
-                               "normal_texture",        "emissive_texture",
-                               "transmission_texture",  "specular_texture",
-                               "specular_color_texture"};
 
 Texture readTexture(const JsonObject& material, const char* key, std::size_t images) {
   Texture t;
@@ -35,23 +31,16 @@ Texture readTexture(const JsonObject& material, const char* key, std::size_t ima
   return t;
 }
 
-void readTextures(const JsonObject& o, std::size_t images, Material& m) {
-  m.baseColorTexture = readTexture(o, "base_color_texture", images);
-  m.metallicRoughnessTexture = readTexture(o, "metallic_roughness_texture", images);
-  m.normalTexture = readTexture(o, "normal_texture", images);
-  m.emissiveTexture = readTexture(o, "emissive_texture", images);
-  m.transmissionTexture = readTexture(o, "transmission_texture", images);
-  m.specularTexture = readTexture(o, "specular_texture", images);
-  m.specularColorTexture = readTexture(o, "specular_color_texture", images);
-}
-
 Material readMaterial(const JsonObject& o, std::size_t images) {
   std::vector<const char*> keys = materialKeys();
   keys.insert(keys.end(), kTextureKeys.begin(), kTextureKeys.end());
   o.allow(keys);
   Material m;
   readMaterialJson(o, m, true);
-  readTextures(o, images, m);
+  const auto textures = m.textures();
+  for (std::size_t i = 0; i < textures.size(); ++i) {
+    *textures[i] = readTexture(o, kTextureKeys[i], images);
+  }
   return m;
 }
 

@@ -43,13 +43,8 @@ void put(Json& out, const char* key, const Texture& t) {
 
 Json toJson(const Material& m) {
   Json out = materialJson(m);
-  put(out, "base_color_texture", m.baseColorTexture);
-  put(out, "metallic_roughness_texture", m.metallicRoughnessTexture);
-  put(out, "normal_texture", m.normalTexture);
-  put(out, "emissive_texture", m.emissiveTexture);
-  put(out, "transmission_texture", m.transmissionTexture);
-  put(out, "specular_texture", m.specularTexture);
-  put(out, "specular_color_texture", m.specularColorTexture);
+  const auto textures = m.textures();
+  for (std::size_t i = 0; i < textures.size(); ++i) put(out, kTextureKeys[i], *textures[i]);
   return out;
 }
 

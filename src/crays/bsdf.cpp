@@ -9,11 +9,6 @@
 namespace trex {
 namespace {
 
-vec4 read(const Scene& scene, const Texture& texture, vec2 uv, bool srgb) {
-  if (!texture.present()) return vec4(1.0f);
-  return sampleTexture(scene.images[static_cast<std::size_t>(texture.image)], texture, uv, srgb);
-}
-
 /// Roughness 0.1: what is seen in the surface is blurred by some pixels and known all the same.
 constexpr float kClearAlpha = 0.01f;
 
@@ -28,7 +23,8 @@ vec3 mappedNormal(const Scene& scene, const Material& material, const Surface& s
     return surface.shadingNormal;
   }
   const vec3 texel =
-      vec3(read(scene, material.normalTexture, surface.texCoord, false)) * 2.0f - 1.0f;
+      vec3(readTexture(scene.images, material.normalTexture, surface.texCoord, false)) * 2.0f -
+      1.0f;
   const vec3 bent =
       material.normalScale * (texel.x * surface.tangent + texel.y * surface.bitangent) +
       texel.z * surface.shadingNormal;
@@ -54,17 +50,22 @@ float fresnelDielectric(float cosine, float eta) {
   return 0.5f * (parallel * parallel + perpendicular * perpendicular);
 }
 
+/// A normal that the viewer can't see (a bent one at a grazing angle) is turned until he can, so
+/// that no pixel turns black.
+vec3 Bsdf::seen(const vec3& normal, const vec3& outgoing) {
+  constexpr float kLeastCosine = 1e-3f;
+  const float cosine = glm::dot(normal, outgoing);
+  if (cosine >= kLeastCosine) return normal;
+  return glm::normalize(normal + (kLeastCosine - cosine) * outgoing);
+}
+
 Bsdf::Bsdf(const Scene& scene, const Surface& surface, const vec3& outgoing) {
   const Material& material = scene.materials[surface.material];
   const bool front = front_ = glm::dot(surface.geometricNormal, outgoing) >= 0.0f;
   geometricNormal_ = front ? surface.geometricNormal : -surface.geometricNormal;
   vec3 normal = mappedNormal(scene, material, surface);
   if (!front) normal = -normal;
-  // A normal that the viewer can't see (a bent one at a grazing angle) is turned until he can, so
-  // that no pixel turns black.
-  constexpr float kLeastCosine = 1e-3f;
-  const float seen = glm::dot(normal, outgoing);
-  if (seen < kLeastCosine) normal = glm::normalize(normal + (kLeastCosine - seen) * outgoing);
+  normal = seen(normal, outgoing);
   if (glm::dot(normal, geometricNormal_) <= 0.0f) normal = geometricNormal_;
   const bool lifts = surface.lift[front ? 0 : 1] != vec3(0.0f);
   smoothNormal_ = !lifts  ? geometricNormal_
@@ -74,13 +75,15 @@ Bsdf::Bsdf(const Scene& scene, const Surface& surface, const vec3& outgoing) {
   out_ = basis_.toLocal(outgoing);
   out_.z = std::max(out_.z, 1e-6f);
   readMaterial(scene, surface, front);
+  if (material.finish.present() && !unlit_) readFinish(scene, surface, outgoing);
   chooseLobes();
 }
 
 void Bsdf::readMaterial(const Scene& scene, const Surface& surface, bool frontSide) {
   const Material& m = scene.materials[surface.material];
   const vec2 uv = surface.texCoord;
-  const vec4 base = m.baseColor * surface.color * read(scene, m.baseColorTexture, uv, true);
+  const vec4 base =
+      m.baseColor * surface.color * readTexture(scene.images, m.baseColorTexture, uv, true);
   const vec3 color = glm::clamp(vec3(base), 0.0f, 1.0f);
   coverage_ = coverageOf(m, base.w);
 
@@ -90,12 +93,13 @@ void Bsdf::readMaterial(const Scene& scene, const Surface& surface, bool frontSi
     emission_ = color;
     return;
   }
-  const vec4 metalRough = read(scene, m.metallicRoughnessTexture, uv, false);
+  const vec4 metalRough = readTexture(scene.images, m.metallicRoughnessTexture, uv, false);
   metallic_ = std::clamp(m.metallic * metalRough.z, 0.0f, 1.0f);
   const float roughness = std::clamp(m.roughness * metalRough.y, 0.0f, 1.0f);
   alpha_ = roughness * roughness;
   smooth_ = alpha_ < kSmallestAlpha;
-  transmission_ = m.transmission * read(scene, m.transmissionTexture, uv, false).x;
+  sharp_ = !smooth_ && alpha_ <= kSharpAlpha;
+  transmission_ = m.transmission * readTexture(scene.images, m.transmissionTexture, uv, false).x;
   refracts_ = transmission_ > 0.0f && m.volume;
   entering_ = frontSide;
   eta_ = frontSide || !refracts_ ? m.ior : 1.0f / m.ior;
@@ -103,8 +107,9 @@ void Bsdf::readMaterial(const Scene& scene, const Surface& surface, bool frontSi
     absorption_ =
         -glm::log(glm::clamp(m.attenuationColor, vec3(1e-6f), vec3(1.0f))) / m.attenuationDistance;
   }
-  const float specular = m.specular * read(scene, m.specularTexture, uv, false).w;
-  const vec3 tint = m.specularColor * vec3(read(scene, m.specularColorTexture, uv, true));
+  const float specular = m.specular * readTexture(scene.images, m.specularTexture, uv, false).w;
+  const vec3 tint =
+      m.specularColor * vec3(readTexture(scene.images, m.specularColorTexture, uv, true));
   const float f0 = (m.ior - 1.0f) * (m.ior - 1.0f) / ((m.ior + 1.0f) * (m.ior + 1.0f));
   metalColor_ = color;
   f0_ = glm::min(f0 * tint, vec3(1.0f)) * specular;
@@ -127,49 +132,60 @@ vec3 Bsdf::fresnel(float cosine) const {
   const vec3 dielectric =
       transmission_ > 0.0f ? vec3(dielectricWeight(cosine)) : f0_ + (vec3(f90_) - f0_) * w;
   // A conductor of reflectance metalColor_ at all angles: see "Materials" in the README.
-  return glm::mix(dielectric, metalColor_, metallic_);
+  const vec3 bare = glm::mix(dielectric, metalColor_, metallic_);
+  return film_ > 0.0f ? glm::mix(bare, film(cosine), film_) : bare;
+}
+
+/// What light from there does not reach of what lies below the dielectric's interface.
+float Bsdf::interface(float cosine) const {
+  const float bare = transmission_ > 0.0f
+                         ? dielectricWeight(cosine)
+                         : maxComponent(f0_ + (vec3(f90_) - f0_) * schlickWeight(cosine));
+  return film_ > 0.0f ? glm::mix(bare, maxComponent(film(cosine)), film_) : bare;
 }
 
 void Bsdf::chooseLobes() {
   if (unlit_) return;
   const vec3 reflect = fresnel(out_.z);
-  const float dielectric = transmission_ > 0.0f
-                               ? dielectricWeight(out_.z)
-                               : maxComponent(f0_ + (vec3(f90_) - f0_) * schlickWeight(out_.z));
+  const float dielectric = interface(out_.z);
   lobes_.specular = luminance(reflect);
   lobes_.diffuse = luminance(diffuse_) * (1.0f - dielectric);
   lobes_.transmission = luminance(transmissionTint_) * (1.0f - dielectric);
-  const float sum = lobes_.specular + lobes_.diffuse + lobes_.transmission;
+  if (finished_) addFinishLobes();
+  const float sum =
+      lobes_.specular + lobes_.diffuse + lobes_.transmission + lobes_.coat + lobes_.sheen;
   if (sum > 0.0f) {
     lobes_.specular /= sum;
     lobes_.diffuse /= sum;
     lobes_.transmission /= sum;
+    lobes_.coat /= sum;
+    lobes_.sheen /= sum;
   }
-  onlyDelta_ = lobes_.diffuse == 0.0f && smooth_;
-  showsOthers_ = lobes_.diffuse == 0.0f && alpha_ <= kClearAlpha;
+  onlyDelta_ = lobes_.diffuse + lobes_.sheen == 0.0f && smooth_ &&
+               (lobes_.coat == 0.0f || coat_.alpha < kSmallestAlpha);
+  showsOthers_ = lobes_.diffuse + lobes_.sheen == 0.0f && alpha_ <= kClearAlpha &&
+                 (lobes_.coat == 0.0f || coat_.alpha <= kClearAlpha);
   // A broad specular lobe of a few percent may be cached as if diffuse; a metal's may not.
   const vec3 broad = smooth_ ? vec3(0.0f) : reflect * (1.0f - metallic_) * (1.0f - transmission_);
   cachedAlbedo_ = glm::min(diffuse_ * (1.0f - dielectric) + broad, vec3(1.0f));
-  const float sharp = smooth_ ? lobes_.specular : lobes_.specular * metallic_;
+  const float sharp = (smooth_ ? lobes_.specular : lobes_.specular * metallic_) +
+                      (coat_.alpha <= kSharpAlpha ? lobes_.coat : 0.0f);
   cacheable_ = sharp + lobes_.transmission <= 0.1f;
   albedo_ = lobes_.transmission == 0.0f
                 ? glm::min(diffuse_ * (1.0f - dielectric) + reflect, vec3(1.0f))
                 : (cacheable_ ? cachedAlbedo_ : vec3(1.0f));
+  if (finished_) finishAlbedos();
 }
 
-vec3 Bsdf::evaluateReflection(const vec3& in) const {
+vec3 Bsdf::evaluateReflection(const vec3& in, LobeKind kind) const {
   const vec3 half = glm::normalize(out_ + in);
   const float cosHalf = glm::dot(out_, half);
   vec3 f(0.0f);
-  if (!smooth_) {
-    f = fresnel(cosHalf) *
-        (ggxDensity(half.z, alpha_) * ggxMaskingShadowing(out_.z, in.z, alpha_) / (4.0f * out_.z));
+  if (hasSpecular(kind)) {
+    f = fresnel(cosHalf) * (density(half) * maskingShadowing(in) / (4.0f * out_.z));
   }
-  if (lobes_.diffuse > 0.0f) {
-    const float interface = transmission_ > 0.0f
-                                ? dielectricWeight(cosHalf)
-                                : maxComponent(f0_ + (vec3(f90_) - f0_) * schlickWeight(cosHalf));
-    f += diffuse_ * ((1.0f - interface) * kInvPi * in.z);
+  if (lobes_.diffuse > 0.0f && kind != LobeKind::kSharp) {
+    f += diffuse_ * ((1.0f - interface(cosHalf)) * kInvPi * in.z);
   }
   return f;
 }
@@ -181,8 +197,8 @@ vec3 Bsdf::evaluateTransmission(const vec3& in) const {
     const vec3 mirrored(in.x, in.y, -in.z);
     const vec3 half = glm::normalize(out_ + mirrored);
     const float through = 1.0f - dielectricWeight(glm::dot(out_, half));
-    return transmissionTint_ * (through * ggxDensity(half.z, alpha_) *
-                                ggxMaskingShadowing(out_.z, mirrored.z, alpha_) / (4.0f * out_.z));
+    return transmissionTint_ *
+           (through * density(half) * maskingShadowing(mirrored) / (4.0f * out_.z));
   }
   vec3 half = out_ + in * eta_;
   const float length = glm::length(half);
@@ -192,9 +208,8 @@ vec3 Bsdf::evaluateTransmission(const vec3& in) const {
   if (outH <= 0.0f || inH >= 0.0f) return vec3(0.0f);
   const float denominator = outH + eta_ * inH;
   const float through = 1.0f - fresnelDielectric(outH, eta_);
-  const float value = through * ggxDensity(half.z, alpha_) *
-                      ggxMaskingShadowing(out_.z, -in.z, alpha_) * eta_ * eta_ * outH * -inH /
-                      (out_.z * denominator * denominator);
+  const float value = through * density(half) * maskingShadowing(vec3(in.x, in.y, -in.z)) * eta_ *
+                      eta_ * outH * -inH / (out_.z * denominator * denominator);
   // Radiance is compressed by 1 / eta^2 on the way in and expands on the way out.
   return transmissionTint_ * (value / (eta_ * eta_));
 }
@@ -203,7 +218,7 @@ float Bsdf::pdfReflection(const vec3& in) const {
   float p = lobes_.diffuse * in.z * kInvPi;
   if (!smooth_ && lobes_.specular > 0.0f) {
     const vec3 half = glm::normalize(out_ + in);
-    p += lobes_.specular * ggxVisiblePdf(out_, half, alpha_) / (4.0f * glm::dot(out_, half));
+    p += lobes_.specular * visiblePdf(half) / (4.0f * glm::dot(out_, half));
   }
   return p;
 }
@@ -212,7 +227,7 @@ float Bsdf::pdfTransmission(const vec3& in) const {
   if (smooth_ || lobes_.transmission == 0.0f) return 0.0f;
   if (!refracts_) {
     const vec3 half = glm::normalize(out_ + vec3(in.x, in.y, -in.z));
-    return lobes_.transmission * ggxVisiblePdf(out_, half, alpha_) / (4.0f * glm::dot(out_, half));
+    return lobes_.transmission * visiblePdf(half) / (4.0f * glm::dot(out_, half));
   }
   vec3 half = out_ + in * eta_;
   const float length = glm::length(half);
@@ -222,8 +237,7 @@ float Bsdf::pdfTransmission(const vec3& in) const {
   if (outH <= 0.0f || inH >= 0.0f) return 0.0f;
   const float denominator = outH + eta_ * inH;
   // Total internal reflection is decided before this lobe is sampled; see sampleTransmission.
-  return lobes_.transmission * ggxVisiblePdf(out_, half, alpha_) * eta_ * eta_ * -inH /
-         (denominator * denominator);
+  return lobes_.transmission * visiblePdf(half) * eta_ * eta_ * -inH / (denominator * denominator);
 }
 
 /// Whether light from there reaches the surface: of the triangle, or of the smooth one that it
@@ -232,18 +246,25 @@ bool Bsdf::aboveHorizon(const vec3& direction) const {
   return glm::dot(direction, geometricNormal_) > 0.0f || glm::dot(direction, smoothNormal_) > 0.0f;
 }
 
-vec3 Bsdf::evaluate(const vec3& incoming) const {
+vec3 Bsdf::evaluate(const vec3& incoming, LobeKind kind) const {
   if (unlit_) return vec3(0.0f);
   const vec3 in = basis_.toLocal(incoming);
-  if (in.z > 0.0f && aboveHorizon(incoming)) return evaluateReflection(in);
-  if (in.z < 0.0f && glm::dot(incoming, geometricNormal_) < 0.0f) return evaluateTransmission(in);
-  return vec3(0.0f);
+  vec3 f(0.0f);
+  if (in.z > 0.0f && aboveHorizon(incoming)) {
+    f = evaluateReflection(in, kind);
+  } else if (in.z < 0.0f && glm::dot(incoming, geometricNormal_) < 0.0f) {
+    if (hasSpecular(kind)) f = evaluateTransmission(in);
+  } else {
+    return f;
+  }
+  return finished_ ? underFinish(f, incoming, in, kind) : f;
 }
 
 float Bsdf::pdf(const vec3& incoming) const {
   if (unlit_) return 0.0f;
   const vec3 in = basis_.toLocal(incoming);
-  return in.z > 0.0f ? pdfReflection(in) : in.z < 0.0f ? pdfTransmission(in) : 0.0f;
+  const float p = in.z > 0.0f ? pdfReflection(in) : in.z < 0.0f ? pdfTransmission(in) : 0.0f;
+  return finished_ && in.z > 0.0f ? p + finishPdf(incoming, in) : p;
 }
 
 bool Bsdf::refract(const vec3& microNormal, vec3& in) const {
@@ -256,7 +277,8 @@ bool Bsdf::refract(const vec3& microNormal, vec3& in) const {
 
 vec3 Bsdf::clearTransmission() const {
   if (!smooth_ || lobes_.transmission <= 0.0f) return vec3(0.0f);
-  return transmissionTint_ * (1.0f - dielectricWeight(out_.z));
+  const float passes = finished_ ? passesFinish(-basis_.toWorld(out_), out_.z) : 1.0f;
+  return transmissionTint_ * ((1.0f - dielectricWeight(out_.z)) * passes);
 }
 
 bool Bsdf::clearRefraction(vec3& direction) const {
@@ -275,7 +297,7 @@ bool Bsdf::sampleSpecular(Sampler& sampler, BsdfSample& out) const {
     out.weight = fresnel(out_.z) / lobes_.specular;
     return true;
   }
-  const vec3 micro = ggxSampleVisible(out_, alpha_, u);
+  const vec3 micro = sampleVisible(u);
   out.direction = glm::normalize(2.0f * glm::dot(out_, micro) * micro - out_);
   return out.direction.z > 0.0f;
 }
@@ -284,7 +306,7 @@ bool Bsdf::sampleTransmission(Sampler& sampler, BsdfSample& out) const {
   const vec2 u = sampler.next2D();
   out.roughness = smooth_ ? 0.0f : alpha_;
   out.transmitted = true;
-  const vec3 micro = smooth_ ? vec3(0.0f, 0.0f, 1.0f) : ggxSampleVisible(out_, alpha_, u);
+  const vec3 micro = smooth_ ? vec3(0.0f, 0.0f, 1.0f) : sampleVisible(u);
   if (refracts_) {
     if (!refract(micro, out.direction)) return false;
     out.etaSquared = eta_ * eta_;
@@ -306,12 +328,17 @@ bool Bsdf::sampleTransmission(Sampler& sampler, BsdfSample& out) const {
 
 bool Bsdf::sample(Sampler& sampler, BsdfSample& out) const {
   out = BsdfSample{};
-  const float choice = sampler.next1D();
+  float choice = sampler.next1D();
   bool found = false;
-  if (choice < lobes_.diffuse) {
+  if (finished_) {
+    if (choice < lobes_.coat) return sampleCoat(sampler, out);
+    choice -= lobes_.coat;
+  }
+  // A sheen is so broad that the diffuse lobe's directions do for it.
+  if (choice < lobes_.diffuse + lobes_.sheen) {
     out.direction = cosineSample(sampler.next2D());
     found = out.direction.z > 0.0f;
-  } else if (choice < lobes_.diffuse + lobes_.specular) {
+  } else if (choice < lobes_.diffuse + lobes_.sheen + lobes_.specular) {
     found = sampleSpecular(sampler, out);
   } else if (lobes_.transmission > 0.0f) {
     found = sampleTransmission(sampler, out);
@@ -321,12 +348,25 @@ bool Bsdf::sample(Sampler& sampler, BsdfSample& out) const {
   out.direction = basis_.toWorld(local);
   const bool through = glm::dot(out.direction, geometricNormal_) < 0.0f;
   if (out.transmitted ? !through : !aboveHorizon(out.direction)) return false;
+  if (finished_) return finishSample(local, out);
   if (out.delta) return true;
   out.pdf = out.transmitted ? pdfTransmission(local) : pdfReflection(local);
   if (!(out.pdf > 0.0f)) return false;
   out.weight =
       (out.transmitted ? evaluateTransmission(local) : evaluateReflection(local)) / out.pdf;
   return true;
+}
+
+bool Bsdf::goesOnSharp(Sampler& sampler, BsdfSample& sampled) const {
+  if (!sharp() || !hasBroad()) return sharp();
+  const vec3 sharp = evaluate(sampled.direction, LobeKind::kSharp),
+             broad = evaluate(sampled.direction, LobeKind::kBroad);
+  const float both = luminance(sharp + broad);
+  if (!(both > 0.0f)) return false;
+  const float chance = luminance(sharp) / both;
+  const bool taken = sampler.next1D() < chance;
+  sampled.weight = taken ? sharp / (sampled.pdf * chance) : broad / (sampled.pdf * (1.0f - chance));
+  return taken;
 }
 
 }  // namespace trex

@@ -1,11 +1,18 @@
 // Scattering at a surface point: glTF 2.0 metallic-roughness with the KHR extensions of Material.
 //
+// A finish adds lobes over the others: a clear coat of index 1.5, and a sheen. What they reflect,
+// the layers below do not get: of light that comes and of light that leaves, the larger share
+// counts, so that no energy is made and both directions are alike. Emission is not dimmed by them.
+// A film replaces Fresnel's reflectance; anisotropy makes the base's lobe broader along one
+// direction.
+//
 // Sources: glTF 2.0 appendix B (BRDF), KHR_materials_specular, _ior, _transmission, _volume;
 // GGX with visible normals [Heitz, JCGT 2018]; rough refraction [Walter et al., EGSR 2007].
 #pragma once
 
 #include "src/core/maths.h"
 #include "src/core/sampler.h"
+#include "src/crays/microfacet.h"
 #include "src/crays/ray_scene.h"
 #include "src/scene/scene.h"
 
@@ -24,6 +31,9 @@ struct BsdfSample {
   float etaSquared = 1.0f;
 };
 
+/// Which of the lobes that are no delta: those as narrow as kSharpAlpha, the others.
+enum class LobeKind : std::uint8_t { kAll, kSharp, kBroad };
+
 /// The material at one surface point seen from one side, textures read. Directions are unit vectors
 /// that point away from the surface. Immutable, so thread safe.
 class Bsdf {
@@ -32,11 +42,14 @@ class Bsdf {
   Bsdf(const Scene& scene, const Surface& surface, const vec3& outgoing);
 
   /// f(outgoing, incoming) * |cos incoming|; 0 for delta lobes.
-  vec3 evaluate(const vec3& incoming) const;
+  vec3 evaluate(const vec3& incoming, LobeKind kind = LobeKind::kAll) const;
   /// Density of sample() per solid angle, delta lobes left out.
   float pdf(const vec3& incoming) const;
   /// False if the sampled path ends (absorbed or below the surface).
   bool sample(Sampler& sampler, BsdfSample& out) const;
+  /// Settles by which kind of lobe a sampled direction goes on, where both may: its weight is then
+  /// that kind's alone. True: the sharp one. Not for deltas.
+  bool goesOnSharp(Sampler& sampler, BsdfSample& sampled) const;
 
   /// Radiance emitted towards `outgoing`; 0 behind a single-sided emitter. The base colour if
   /// unlit.
@@ -46,6 +59,12 @@ class Bsdf {
   float coverage() const { return coverage_; }
   /// True if only delta lobes exist: light sampling has nothing to do here.
   bool onlyDelta() const { return onlyDelta_; }
+  /// Whether there are sharp lobes that are no delta, and whether there are no broad ones.
+  bool sharp() const { return sharp_ || coatIs(LobeKind::kSharp); }
+  bool hasBroad() const {
+    return lobes_.diffuse > 0.0f || !(smooth_ || sharp_) || lobes_.sheen > 0.0f ||
+           (lobes_.coat > 0.0f && coat_.alpha > kSharpAlpha);
+  }
   /// Whether light of the far side may reach `outgoing`, delta lobes included.
   bool transmits() const { return lobes_.transmission > 0.0f; }
   /// True if what is seen in or through the surface stands for it: mirrors, clear glass, and lobes
@@ -84,13 +103,42 @@ class Bsdf {
 
  private:
   struct Lobes {
-    float diffuse, specular, transmission;  ///< chances, sum 1 (or all 0)
+    float diffuse, specular, transmission, coat, sheen;  ///< chances, sum 1 (or all 0)
+  };
+  struct Coat {
+    Basis basis{vec3(0, 0, 1)};
+    vec3 out{0.0f};  ///< outgoing in the basis
+    float weight = 0.0f, alpha = 0.0f;
+  };
+  struct Sheen {
+    vec3 color{0.0f};
+    float alpha = 1.0f, albedo = 0.0f;  ///< of `outgoing`
   };
   void readMaterial(const Scene& scene, const Surface& surface, bool frontSide);
   void chooseLobes();
+  static vec3 seen(const vec3& normal, const vec3& outgoing);
+  void readFinish(const Scene& scene, const Surface& surface, const vec3& outgoing);
+  void addFinishLobes();
+  void finishAlbedos();
   vec3 fresnel(float cosine) const;
+  float interface(float cosine) const;
+  bool coatIs(LobeKind kind) const;
+  vec3 coatReflection(const vec3& incoming) const;
+  float finishPdf(const vec3& incoming, const vec3& in) const;
+  float passesFinish(const vec3& incoming, float cosine) const;
+  vec3 underFinish(const vec3& base, const vec3& incoming, const vec3& in, LobeKind kind) const;
+  bool sampleCoat(Sampler& sampler, BsdfSample& out) const;
+  bool finishSample(const vec3& local, BsdfSample& out) const;
+  vec3 film(float cosine) const;
+  float density(const vec3& half) const;
+  float maskingShadowing(const vec3& in) const;
+  float visiblePdf(const vec3& half) const;
+  vec3 sampleVisible(vec2 u) const;
   float dielectricWeight(float cosine) const;
-  vec3 evaluateReflection(const vec3& in) const;
+  bool hasSpecular(LobeKind kind) const {
+    return !smooth_ && (kind == LobeKind::kAll || (kind == LobeKind::kSharp) == sharp_);
+  }
+  vec3 evaluateReflection(const vec3& in, LobeKind kind = LobeKind::kAll) const;
   vec3 evaluateTransmission(const vec3& in) const;
   float pdfReflection(const vec3& in) const;
   float pdfTransmission(const vec3& in) const;
@@ -106,11 +154,15 @@ class Bsdf {
       albedo_{0.0f};
   vec3 metalColor_{0.0f}, absorption_{0.0f};
   float f90_ = 1.0f, metallic_ = 0.0f, transmission_ = 0.0f, alpha_ = 1.0f, coverage_ = 1.0f;
-  float eta_ = 1.0f;  ///< index on the far side over this side, if it refracts
+  float eta_ = 1.0f;     ///< index on the far side over this side, if it refracts
+  float across_ = 1.0f;  ///< alpha along the basis's tangent, if anisotropic_; alpha_ is the other
+  float film_ = 0.0f, filmIor_ = 1.0f, filmNanometres_ = 0.0f;  ///< film_: share
+  Coat coat_;
+  Sheen sheen_;
   Lobes lobes_{};
-  bool front_ = true, unlit_ = false, onlyDelta_ = false, smooth_ = false, refracts_ = false,
-       entering_ = true;
-  bool cacheable_ = true, showsOthers_ = false;
+  bool front_ = true, unlit_ = false, onlyDelta_ = false, smooth_ = false, sharp_ = false,
+       refracts_ = false, entering_ = true;
+  bool cacheable_ = true, showsOthers_ = false, finished_ = false, anisotropic_ = false;
 };
 
 /// Whether a material has smooth transmission somewhere.

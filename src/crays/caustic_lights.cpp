@@ -86,9 +86,9 @@ std::vector<Bend> findBends(const Scene& scene, const RayScene& rays) {
 }  // namespace
 
 bool mayBend(const Material& m) {
-  const bool smooth =
-      m.metallicRoughnessTexture.present() || m.roughness * m.roughness < kSmallestAlpha;
-  return !m.unlit && smooth && (m.metallic > 0.0f || m.specular > 0.0f || m.transmission > 0.0f);
+  const bool sharp =
+      m.metallicRoughnessTexture.present() || m.roughness * m.roughness <= kSharpAlpha;
+  return !m.unlit && sharp && (m.metallic > 0.0f || m.specular > 0.0f || m.transmission > 0.0f);
 }
 
 /// A photon at its light. `power` is that of the light over the density of the choice.
@@ -199,7 +199,7 @@ void CausticLights::follow(const Start& start, Sampler& sampler,
   vec3 direction = start.direction, power = start.power, absorption(0.0f);
   const float most = maxComponent(power);
   ClearPath clear;
-  bool bent = false;
+  bool bent = false, blurred = false;
   for (int bounce = 0; bounce < kCausticBounces && maxComponent(power) > 0.0f; ++bounce) {
     RayHit hit;
     if (!rays_.intersect(from, direction, 0.0f, kInfinity, hit)) return;
@@ -212,12 +212,15 @@ void CausticLights::follow(const Start& start, Sampler& sampler,
       from = surface.leave();
       continue;
     }
-    if (!bsdf.onlyDelta() && (bent || !clear.straight(direction)) && isFinite(power)) {
-      out.push_back({vec3(surface.position), bsdf.geometricNormal(), -direction, power});
+    const bool counts = blurred ? bsdf.hasBroad() : !bsdf.onlyDelta();
+    if (counts && (bent || !clear.straight(direction)) && isFinite(power)) {
+      out.push_back({vec3(surface.position), bsdf.geometricNormal(), -direction, power, blurred});
     }
     BsdfSample next;
-    if (!bsdf.sample(sampler, next) || !next.delta) return;
-    if (!next.transmitted || !ClearLayers::clear(bsdf)) {
+    if (!bsdf.sample(sampler, next)) return;
+    if (!next.delta && !bsdf.goesOnSharp(sampler, next)) return;
+    blurred |= !next.delta;
+    if (!next.delta || !next.transmitted || !ClearLayers::clear(bsdf)) {
       bent = true;
     } else if (bsdf.refracts()) {
       if (!clear.begun()) clear.begin(direction, 0.0f);

@@ -36,10 +36,12 @@ std::uint64_t CausticWidths::key(const vec3& position, std::uint32_t level) cons
   return key;
 }
 
-std::uint32_t CausticWidths::level(const vec3& position) const {
+std::uint32_t CausticWidths::level(const CausticPhoton& photon, vec2 u) const {
   const double least = wanted_ * (4.0 / std::numbers::pi);  // the square around the disk
+  const Basis basis(photon.normal);
+  const vec3 aside = basis.tangent * (2.0f * u.x - 1.0f) + basis.bitangent * (2.0f * u.y - 1.0f);
   for (std::uint32_t level = 0; level + 1 < kLevels; ++level) {
-    const auto at = counts_[level].find(key(position, level));
+    const auto at = counts_[level].find(key(photon.position + radius(level) * aside, level));
     if (at != counts_[level].end() && at->second >= least) return level;
   }
   return kLevels - 1;
@@ -48,7 +50,10 @@ std::uint32_t CausticWidths::level(const vec3& position) const {
 CausticMap::CausticMap(std::span<const CausticPhoton> photons, const CausticWidths& widths,
                        float shrink) {
   std::array<std::vector<CausticPhoton>, CausticWidths::kLevels> byLevel;
-  for (const CausticPhoton& p : photons) byLevel[widths.level(p.position)].push_back(p);
+  for (std::uint32_t i = 0; i < photons.size(); ++i) {
+    const CausticPhoton& p = photons[i];
+    byLevel[widths.level(p, Sampler(0x73706f74u, i, 0).next2D())].push_back(p);
+  }
   for (std::uint32_t level = 0; level < CausticWidths::kLevels; ++level) {
     if (!byLevel[level].empty()) grids_.emplace_back(byLevel[level], widths.radius(level) * shrink);
   }
@@ -104,8 +109,9 @@ void CausticMap::Grid::forNear(const vec3& position, const Use& use) const {
   }
 }
 
-vec3 CausticMap::radiance(const Surface& surface, const Bsdf& bsdf) const {
+vec3 CausticMap::radiance(const Surface& surface, const Bsdf& bsdf, bool sharpToo) const {
   vec3 sum(0.0f);
+  if (!sharpToo && !bsdf.hasBroad()) return sum;
   const vec3 at(surface.position), normal = bsdf.geometricNormal();
   for (const Grid& grid : grids_) {
     const float square = grid.radius * grid.radius;
@@ -116,7 +122,8 @@ vec3 CausticMap::radiance(const Surface& surface, const Bsdf& bsdf) const {
       // across the light.
       const float kernel = 2.0f * kInvPi * (1.0f - distance2 / square) / square;
       const float cosine = std::max(std::abs(glm::dot(p.towards, normal)), kGrazing);
-      sum += bsdf.evaluate(p.towards) * p.power * (kernel / cosine);
+      const LobeKind kind = sharpToo && !p.blurred ? LobeKind::kAll : LobeKind::kBroad;
+      sum += bsdf.evaluate(p.towards, kind) * p.power * (kernel / cosine);
     });
   }
   return sum;

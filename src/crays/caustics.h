@@ -1,11 +1,16 @@
-// Caustics of point-like lights: light of a sun, a point or a spot that mirrors and glass have bent
-// before it meets a surface that scatters. Neither light sampling nor the eye's rays find such
-// paths, so photons do: a density of photons around the point, over a radius that shrinks from map
-// to map, so that the mean over the samples of a pixel converges [Hachisuka et al. 2008; Knaus and
-// Zwicker 2011, whose passes need nothing of each other].
+// Caustics of point-like lights: light of a sun, a point or a spot that mirrors and glass, smooth
+// or nearly so, have bent before it meets a surface that scatters. Neither light sampling nor the
+// eye's rays find such paths well or at all, so photons do: a density of photons around the point,
+// over a radius that shrinks from map to map, so that the mean over the samples of a pixel
+// converges [Hachisuka et al. 2008; Knaus and Zwicker 2011, whose passes need nothing of each
+// other].
 //
-// What light sampling finds (clear_path.h) is left out. A scene without point-like lights, or
-// without smooth mirrors and glass, has no object of these classes.
+// What light sampling finds is left out: straight ways (clear_path.h), and sharp lobes that are
+// seen before any broad one, which show the light itself. With S for deltas and lobes of an alpha
+// up to kSharpAlpha, B for broad ones, L for the light and E for the eye: photons find L S+ B,
+// paths E S* B and all that follows; of E S+ L, paths find what has a sharp lobe next to the light,
+// photons what has deltas there. A scene without point-like lights, or without such mirrors and
+// glass, has no object of these classes.
 #pragma once
 
 #include <array>
@@ -25,6 +30,7 @@ struct CausticPhoton {
   vec3 position, normal;  ///< normal: geometric, unit
   vec3 towards;           ///< unit, where it came from
   vec3 power;             ///< W, over the number of photons of its map
+  bool blurred;           ///< by a sharp lobe that is no delta
 };
 
 /// How wide the first densities are taken, by place: so that there are some photons in each. Made
@@ -35,8 +41,9 @@ class CausticWidths {
 
   /// `scene`: radius of the sphere around it, metres. `wanted`: of these photons, in a width.
   CausticWidths(std::span<const CausticPhoton> photons, float scene, double wanted);
-  /// The width at a place is radius(level).
-  std::uint32_t level(const vec3& position) const;
+  /// The width for a photon is radius(level). `u`, [0, 1)^2, moves the place where they are counted
+  /// along the surface, so that widths change from place to place without seams.
+  std::uint32_t level(const CausticPhoton& photon, vec2 u) const;
   float radius(std::uint32_t level) const;
 
  private:
@@ -52,8 +59,9 @@ class CausticMap {
  public:
   /// Each photon is spread over a disk of the width at its place times `shrink`.
   CausticMap(std::span<const CausticPhoton> photons, const CausticWidths& widths, float shrink);
-  /// Radiance that leaves the surface towards the eye of the Bsdf.
-  vec3 radiance(const Surface& surface, const Bsdf& bsdf) const;
+  /// Radiance that leaves the surface towards the eye of the Bsdf by its broad lobes and, if asked
+  /// for, by sharp ones of light that deltas alone have bent.
+  vec3 radiance(const Surface& surface, const Bsdf& bsdf, bool sharpToo) const;
   std::size_t size() const;
 
  private:
@@ -71,7 +79,7 @@ class CausticMap {
   std::vector<Grid> grids_;
 };
 
-/// Whether a material may have a smooth mirror or smooth glass somewhere.
+/// Whether a material may have deltas or sharp lobes somewhere.
 bool mayBend(const Material& material);
 
 /// Sends photons where mirrors and glass are. Immutable once made, so thread safe.

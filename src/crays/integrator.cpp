@@ -78,6 +78,7 @@ struct Integrator::Path {
   int scattered = 0;    // times, mirrors and clear glass not counted
   float length = 0.0f;  // from the eye to the last surface
   bool seen = false;    // the feature is known
+  bool spread = false;  // by a broad lobe: what sharp ones make of point-like lights is a caustic
   bool certain = true;  // mirrors alone so far, and no choice
   RayHit hit{};
 
@@ -260,7 +261,8 @@ bool Integrator::meet(Path& path) const {
   path.other().moveTo(surface.position, bsdf.transmits() ? vec3(0.0f) : bsdf.normal());
   if (!bsdf.onlyDelta() && !lights_.empty()) sampleLight(path, surface, bsdf, coneVertex);
   if (!bsdf.onlyDelta() && path.caustics != nullptr) {
-    path.add(path.throughput * path.caustics->radiance(surface, bsdf), path.scattered == 0);
+    const vec3 light = path.caustics->radiance(surface, bsdf, !path.spread);
+    path.add(path.throughput * light, path.scattered == 0);
   }
   return scatter(path, surface, bsdf, coneVertex);
 }
@@ -425,7 +427,9 @@ void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsd
                              bool coneVertex) const {
   LightSample light;
   if (!lights_.sample(path.other(), path.sampler, light)) return;
-  vec3 f = bsdf.evaluate(light.direction);
+  const bool caustic = light.delta && path.spread && path.caustics != nullptr;
+  const LobeKind kind = caustic ? LobeKind::kBroad : LobeKind::kAll;
+  vec3 f = bsdf.evaluate(light.direction, kind);
   if (maxComponent(f) <= 0.0f) return;
   RayStart start;
   if (!rays_.leave(surface, light.direction, bsdf.leavesFront(light.direction), start)) return;
@@ -446,7 +450,7 @@ void Integrator::sampleLight(Path& path, const Surface& surface, const Bsdf& bsd
   const vec3 absorption = bsdf.absorptionTowards(light.direction, path.absorption);
   const LightConnection way = connect(path, start, light.direction, light.end(), absorption);
   if (!way.reaches()) return;
-  if (way.refracted) f = bsdf.evaluate(way.direction);
+  if (way.refracted) f = bsdf.evaluate(way.direction, kind);
   const float pdf = light.pdfBy(way);
   const vec3 unweighted = path.throughput * f * light.radiance * way.passed / pdf;
   const float weight = weigh(way.direction, pdf), guessWeight = farEmitter ? 1.0f : weight;
@@ -478,6 +482,9 @@ bool Integrator::scatter(Path& path, const Surface& surface, const Bsdf& bsdf,
                          bool coneVertex) const {
   BsdfSample next;
   if (++path.bounces >= kMostBounces || !bsdf.sample(path.sampler, next)) return false;
+  if (path.caustics != nullptr && !next.delta) {
+    path.spread |= !bsdf.goesOnSharp(path.sampler, next);
+  }
   path.throughput *= next.weight;
   path.roulette *= next.etaSquared;
   if (path.bounces >= kRouletteFrom) {

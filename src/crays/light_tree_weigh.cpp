@@ -14,7 +14,7 @@ namespace {
 /// A node is opened where the point is closer to its centre than this many radii.
 constexpr float kClose = 1.5f;
 /// Of a light that a surface sees from behind, as bounds have it: shading normals, rounding.
-constexpr float kLeastCosine = 0.02f;
+constexpr float kLeastBehind = 0.02f;
 constexpr float kLeastFacing = 1e-3f;
 constexpr float kLeastDistance2 = 1e-12f;
 
@@ -80,7 +80,7 @@ std::uint32_t weigh(const LightNodes& n, const vec3& position, const vec3& norma
       const VF in = hn::Mul(dot(x, y, z, set(-normal.x), set(-normal.y), set(-normal.z)), inverse);
       const VF best = hn::Add(hn::Mul(in, cosSize), hn::Mul(across(in), sinSize));
       share = hn::Mul(
-          share, hn::IfThenElse(hn::Lt(in, cosSize), hn::Max(best, set(kLeastCosine)), set(1.0f)));
+          share, hn::IfThenElse(hn::Lt(in, cosSize), hn::Max(best, set(kLeastBehind)), set(1.0f)));
     }
     const VF outside = hn::Mul(hn::Mul(power, share), hn::Mul(inverse, inverse));
     // Within its own size a light may be anywhere around.

@@ -1,4 +1,4 @@
-// The isotropic GGX distribution in a frame whose z axis is the normal. alpha = roughness^2 in
+// The GGX distribution in a frame whose z axis is the normal. alpha = roughness^2 in
 // [kSmallestAlpha, 1]. Visible normals are sampled after [Heitz, JCGT 2018].
 #pragma once
 
@@ -8,6 +8,8 @@ namespace trex {
 
 /// Below this a lobe counts as perfectly smooth.
 inline constexpr float kSmallestAlpha = 1e-3f;
+/// Up to here a lobe is sharp: what it throws of a point-like light is a caustic (caustics.h).
+inline constexpr float kSharpAlpha = 0.1f;
 
 inline float ggxDensity(float cosine, float alpha) {
   if (cosine <= 0.0f) return 0.0f;
@@ -37,9 +39,9 @@ inline float ggxVisiblePdf(const vec3& out, const vec3& micro, float alpha) {
          ggxDensity(micro.z, alpha) / out.z;
 }
 
-/// A micro normal visible from `out` (out.z > 0).
-inline vec3 ggxSampleVisible(const vec3& out, float alpha, vec2 u) {
-  const vec3 stretched = glm::normalize(vec3(alpha * out.x, alpha * out.y, out.z));
+/// A micro normal visible from `out` (out.z > 0), of a roughness along each axis.
+inline vec3 ggxSampleVisible(const vec3& out, float alphaX, float alphaY, vec2 u) {
+  const vec3 stretched = glm::normalize(vec3(alphaX * out.x, alphaY * out.y, out.z));
   const float length2 = stretched.x * stretched.x + stretched.y * stretched.y;
   const vec3 t1 = length2 > 0.0f ? vec3(-stretched.y, stretched.x, 0.0f) / std::sqrt(length2)
                                  : vec3(1.0f, 0.0f, 0.0f);
@@ -51,7 +53,10 @@ inline vec3 ggxSampleVisible(const vec3& out, float alpha, vec2 u) {
       (1.0f - blend) * std::sqrt(std::max(0.0f, 1.0f - x * x)) + blend * r * std::sin(phi);
   const float z = std::sqrt(std::max(0.0f, 1.0f - x * x - y * y));
   const vec3 n = x * t1 + y * t2 + z * stretched;
-  return glm::normalize(vec3(alpha * n.x, alpha * n.y, std::max(n.z, 1e-7f)));
+  return glm::normalize(vec3(alphaX * n.x, alphaY * n.y, std::max(n.z, 1e-7f)));
+}
+inline vec3 ggxSampleVisible(const vec3& out, float alpha, vec2 u) {
+  return ggxSampleVisible(out, alpha, alpha, u);
 }
 
 /// A direction about +z with density cos / pi.

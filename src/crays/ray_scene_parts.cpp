@@ -245,11 +245,8 @@ RayScene::Parts PartsBuilder::build() {
 }  // namespace
 
 bool usesTextures(const Material& m) {
-  for (const Texture* t :
-       {&m.baseColorTexture, &m.metallicRoughnessTexture, &m.normalTexture, &m.emissiveTexture,
-        &m.transmissionTexture, &m.specularTexture, &m.specularColorTexture})
-    if (t->present()) return true;
-  return false;
+  // The direction of anisotropy is that of texture coordinates.
+  return m.textured() || m.finish.anisotropy > 0.0f;
 }
 
 SharedPlace placeOf(const Scene& scene, const RayScene::Parts& parts,

@@ -25,6 +25,10 @@ const std::set<std::string> kSupported = {"KHR_lights_punctual",
                                           "EXT_mesh_gpu_instancing",
                                           "EXT_meshopt_compression",
                                           "KHR_materials_variants",
+                                          "KHR_materials_clearcoat",
+                                          "KHR_materials_sheen",
+                                          "KHR_materials_anisotropy",
+                                          "KHR_materials_iridescence",
                                           "KHR_draco_mesh_compression",
                                           "KHR_materials_pbrSpecularGlossiness"};
 

@@ -130,7 +130,7 @@ class GltfMaterials {
   int use(int gltfMaterial);
 
   /// The texture coordinate set of each of Material::textures(); -1 if it has none.
-  using Sets = std::array<int, 7>;
+  using Sets = std::array<int, Material::kTextures>;
   const Sets& texCoordSets(int sceneMaterial) const { return texCoordSets_[sceneMaterial]; }
   /// The set that meshes keep: that of the first texture; -1 if there is none.
   int texCoordSet(int sceneMaterial) const;
@@ -165,9 +165,18 @@ class GltfMaterials {
     kEmissive,
     kTransmission,
     kSpecular,
-    kSpecularColor
+    kSpecularColor,
+    kClearcoat,
+    kClearcoatRoughness,
+    kClearcoatNormal,
+    kSheenColor,
+    kSheenRoughness,
+    kAnisotropy,
+    kIridescence,
+    kIridescenceThickness
   };
 
+  void convertFinish(const tinygltf::Material& from, Finish& to);
   void convertSpecularGlossiness(const tinygltf::Value& e, Material& to);
   Texture texture(Slot slot, int index, int texCoord, const tinygltf::ExtensionMap& extensions,
                   bool srgb);
@@ -176,7 +185,7 @@ class GltfMaterials {
   float inRange(double value, double low, double high, const char* what);
   float number(const tinygltf::Value& object, const char* key, double fallback, double low,
                double high);
-  vec3 color(const tinygltf::Value& object, const char* key, double high);
+  vec3 color(const tinygltf::Value& object, const char* key, double high, double fallback = 1.0);
   const tinygltf::Value* extension(const tinygltf::ExtensionMap& map, const char* key) const;
 
   GltfContext& context_;

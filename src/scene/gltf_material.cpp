@@ -7,7 +7,11 @@
 namespace trex::detail {
 namespace {
 
-constexpr GltfMaterials::Sets kNoSets = {-1, -1, -1, -1, -1, -1, -1};
+constexpr GltfMaterials::Sets kNoSets = [] {
+  GltfMaterials::Sets sets{};
+  sets.fill(-1);
+  return sets;
+}();
 
 const tinygltf::Value* member(const tinygltf::Value& object, const char* key) {
   if (!object.IsObject() || !object.Has(key)) return nullptr;
@@ -80,14 +84,15 @@ float GltfMaterials::number(const tinygltf::Value& object, const char* key, doub
   return inRange(value->GetNumberAsDouble(), low, high, key);
 }
 
-vec3 GltfMaterials::color(const tinygltf::Value& object, const char* key, double high) {
+vec3 GltfMaterials::color(const tinygltf::Value& object, const char* key, double high,
+                          double fallback) {
   const tinygltf::Value* value = member(object, key);
-  if (value == nullptr) return vec3(1.0f);
-  vec3 c(1.0f);
+  vec3 c(static_cast<float>(fallback));
+  if (value == nullptr) return c;
   for (int k = 0; k < 3; ++k) {
     if (!value->IsArray() || value->ArrayLen() != 3 || !value->Get(k).IsNumber()) {
-      context_.replace("{}: {} must have 3 numbers; 1 is used", currentName_, key);
-      return vec3(1.0f);
+      context_.replace("{}: {} must have 3 numbers; {} is used", currentName_, key, fallback);
+      return vec3(static_cast<float>(fallback));
     }
     c[k] = inRange(value->Get(k).GetNumberAsDouble(), 0.0, high, key);
   }
@@ -176,6 +181,49 @@ void GltfMaterials::convertExtensions(const tinygltf::Material& from, Material& 
   to.unlit = extension(map, "KHR_materials_unlit") != nullptr;
   if (const auto* e = extension(map, "KHR_materials_pbrSpecularGlossiness")) {
     convertSpecularGlossiness(*e, to);
+  }
+  convertFinish(from, to.finish);
+}
+
+void GltfMaterials::convertFinish(const tinygltf::Material& from, Finish& to) {
+  if (const auto* e = extension(from.extensions, "KHR_materials_clearcoat")) {
+    to.clearcoat = number(*e, "clearcoatFactor", 0.0, 0.0, 1.0);
+    to.clearcoatRoughness = number(*e, "clearcoatRoughnessFactor", 0.0, 0.0, 1.0);
+    if (to.coats()) {
+      to.clearcoatTexture = textureProperty(kClearcoat, *e, "clearcoatTexture", false);
+      to.clearcoatRoughnessTexture =
+          textureProperty(kClearcoatRoughness, *e, "clearcoatRoughnessTexture", false);
+      to.clearcoatNormalTexture =
+          textureProperty(kClearcoatNormal, *e, "clearcoatNormalTexture", false);
+    }
+  }
+  if (const auto* e = extension(from.extensions, "KHR_materials_sheen")) {
+    to.sheenColor = color(*e, "sheenColorFactor", 1.0, 0.0);
+    to.sheenRoughness = number(*e, "sheenRoughnessFactor", 0.0, 0.0, 1.0);
+    if (to.sheens()) {
+      to.sheenColorTexture = textureProperty(kSheenColor, *e, "sheenColorTexture", true);
+      to.sheenRoughnessTexture =
+          textureProperty(kSheenRoughness, *e, "sheenRoughnessTexture", false);
+    }
+  }
+  if (const auto* e = extension(from.extensions, "KHR_materials_anisotropy")) {
+    to.anisotropy = number(*e, "anisotropyStrength", 0.0, 0.0, 1.0);
+    to.anisotropyRotation = number(*e, "anisotropyRotation", 0.0, -1e6, 1e6);
+    if (to.anisotropy > 0.0f) {
+      currentSets_[kAnisotropy] = 0;  // whose u is the direction, without a texture too
+      to.anisotropyTexture = textureProperty(kAnisotropy, *e, "anisotropyTexture", false);
+    }
+  }
+  if (const auto* e = extension(from.extensions, "KHR_materials_iridescence")) {
+    to.iridescence = number(*e, "iridescenceFactor", 0.0, 0.0, 1.0);
+    to.iridescenceIor = number(*e, "iridescenceIor", 1.3, 1.0, 100.0);
+    to.iridescenceThinnest = number(*e, "iridescenceThicknessMinimum", 100.0, 0.0, 1e6);
+    to.iridescenceThickest = number(*e, "iridescenceThicknessMaximum", 400.0, 0.0, 1e6);
+    if (to.iridescence > 0.0f) {
+      to.iridescenceTexture = textureProperty(kIridescence, *e, "iridescenceTexture", false);
+      to.iridescenceThicknessTexture =
+          textureProperty(kIridescenceThickness, *e, "iridescenceThicknessTexture", false);
+    }
   }
 }
 

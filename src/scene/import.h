@@ -1,15 +1,15 @@
-// Reading models: .gltf .glb .ply .obj .stl, and what assimp knows (assimp_file.cpp). Every file may
-// be hostile; sizes are checked before use.
+// Reading models: .gltf .glb .ply .obj .stl, and what assimp knows (assimp_file.cpp). Every file
+// may be hostile; sizes are checked before use.
 //
 // glTF 2.0: triangles, strips and fans, all index and sparse accessors, vertex colours, node
 // transforms and instances, skins and morph targets at rest or at a moment of an animation,
 // cameras, images (files, data URIs, buffer views), and of the extensions KHR_lights_punctual,
 // KHR_materials_{emissive_strength, specular, ior, transmission, volume, unlit,
-// pbrSpecularGlossiness, variants}, KHR_texture_transform, KHR_mesh_quantization,
-// EXT_texture_webp, EXT_mesh_gpu_instancing, EXT_meshopt_compression, KHR_draco_mesh_compression. A
-// second set of texture coordinates is shown where it is the first one scaled and shifted. A
-// required extension that is not in this list is an error that names it, unless it only says how
-// surfaces look; one that is only used is a warning.
+// pbrSpecularGlossiness, clearcoat, sheen, anisotropy, iridescence, variants},
+// KHR_texture_transform, KHR_mesh_quantization, EXT_texture_webp, EXT_mesh_gpu_instancing,
+// EXT_meshopt_compression, KHR_draco_mesh_compression. A second set of texture coordinates is shown
+// where it is the first one scaled and shifted. A required extension that is not in this list is an
+// error that names it, unless it only says how surfaces look; one that is only used is a warning.
 //
 // PLY: ASCII and binary of both byte orders; x y z (float or double), nx ny nz, (s t | u v |
 // texture_u texture_v), red green blue [alpha] of vertices or faces (integers are sRGB, floats
@@ -35,8 +35,8 @@ struct ImportOptions {
   std::vector<VolumeRequest> volumes{};  ///< media besides those of the file
   std::uint64_t maxMemory = 0;           ///< bytes this process may use; 0: what the machine has
   bool strict = false;                   ///< a part that can't be shown as it is is an error
-  /// Of formats that know neither (all but glTF, FBX, COLLADA, IFC, X3D): metres of one of the file's units, and whether
-  /// its z is up. Error(kUsage) with others.
+  /// Of formats that know neither (all but glTF, FBX, COLLADA, IFC, X3D): metres of one of the
+  /// file's units, and whether its z is up. Error(kUsage) with others.
   double unit = 1.0;
   bool zUp = false;
   /// Of glTF, Error(kUsage) with others: names or numbers of a scene, of a variant of materials

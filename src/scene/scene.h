@@ -48,6 +48,31 @@ struct Texture {
 
 enum class AlphaMode : std::uint8_t { kOpaque, kMask, kBlend };
 
+/// What lies on a material or turns its reflection: KHR_materials_clearcoat, _sheen, _anisotropy
+/// and _iridescence. Factors multiply textures.
+struct Finish {
+  float clearcoat = 0.0f, clearcoatRoughness = 0.0f;  ///< [0, 1]; a layer of index 1.5
+  vec3 sheenColor{0.0f};                              ///< [0, 1]
+  float sheenRoughness = 0.0f;                        ///< [0, 1]
+  float anisotropy = 0.0f;          ///< [0, 1]; how much rougher it is along its direction
+  float anisotropyRotation = 0.0f;  ///< radians from the texture's u towards its v
+  float iridescence = 0.0f;         ///< [0, 1], share of a thin film
+  float iridescenceIor = 1.3f;
+  float iridescenceThinnest = 100.0f, iridescenceThickest = 400.0f;  ///< nanometres
+  Texture clearcoatTexture;                                          ///< R
+  Texture clearcoatRoughnessTexture;                                 ///< G
+  Texture clearcoatNormalTexture;       ///< of the coat alone; the normal map does not bend it
+  Texture sheenColorTexture;            ///< sRGB
+  Texture sheenRoughnessTexture;        ///< A
+  Texture anisotropyTexture;            ///< RG direction, B strength
+  Texture iridescenceTexture;           ///< R
+  Texture iridescenceThicknessTexture;  ///< G, from the thinnest to the thickest
+  bool coats() const { return clearcoat > 0.0f; }
+  bool sheens() const { return sheenColor.x > 0.0f || sheenColor.y > 0.0f || sheenColor.z > 0.0f; }
+  bool present() const { return coats() || sheens() || anisotropy > 0.0f || iridescence > 0.0f; }
+  bool operator==(const Finish&) const = default;
+};
+
 /// glTF metallic-roughness with the KHR extensions we support. Factors multiply textures.
 struct Material {
   std::string name;
@@ -72,15 +97,13 @@ struct Material {
   Texture transmissionTexture;   ///< R
   Texture specularTexture;       ///< A
   Texture specularColorTexture;  ///< sRGB
+  Finish finish;
   bool emits() const { return emission.x > 0.0f || emission.y > 0.0f || emission.z > 0.0f; }
-  std::array<const Texture*, 7> textures() const {
-    return {&baseColorTexture,    &metallicRoughnessTexture, &normalTexture,       &emissiveTexture,
-            &transmissionTexture, &specularTexture,          &specularColorTexture};
+  static constexpr std::size_t kTextures = 15;
+  std::array<const Texture*, kTextures> textures() const {
+    return texturesOf<const Texture>(*this);
   }
-  std::array<Texture*, 7> textures() {
-    return {&baseColorTexture,    &metallicRoughnessTexture, &normalTexture,       &emissiveTexture,
-            &transmissionTexture, &specularTexture,          &specularColorTexture};
-  }
+  std::array<Texture*, kTextures> textures() { return texturesOf<Texture>(*this); }
   bool textured() const {
     for (const Texture* t : textures()) {
       if (t->present()) return true;
@@ -88,6 +111,17 @@ struct Material {
     return false;
   }
   bool operator==(const Material&) const = default;
+
+ private:
+  template <typename T, typename M>
+  static std::array<T*, kTextures> texturesOf(M& m) {
+    auto& f = m.finish;
+    return {&m.baseColorTexture,       &m.metallicRoughnessTexture, &m.normalTexture,
+            &m.emissiveTexture,        &m.transmissionTexture,      &m.specularTexture,
+            &m.specularColorTexture,   &f.clearcoatTexture,         &f.clearcoatRoughnessTexture,
+            &f.clearcoatNormalTexture, &f.sheenColorTexture,        &f.sheenRoughnessTexture,
+            &f.anisotropyTexture,      &f.iridescenceTexture,       &f.iridescenceThicknessTexture};
+  }
 };
 
 /// A vertex colour as it is kept: red, green and blue by the transfer function of sRGB, which has

@@ -20,6 +20,39 @@ void put(OrderedJson& out, const char* key, float value) {
   if (std::isfinite(value)) out[key] = double{value};
 }
 
+struct FinishNumber {
+  const char* key;
+  float Finish::*value;
+  float low, high;
+};
+constexpr float kMostNanometres = 1e6f;
+constexpr FinishNumber kFinishNumbers[] = {
+    {"clearcoat", &Finish::clearcoat, 0.0f, 1.0f},
+    {"clearcoat_roughness", &Finish::clearcoatRoughness, 0.0f, 1.0f},
+    {"sheen_roughness", &Finish::sheenRoughness, 0.0f, 1.0f},
+    {"anisotropy", &Finish::anisotropy, 0.0f, 1.0f},
+    {"anisotropy_rotation_radians", &Finish::anisotropyRotation, -1e6f, 1e6f},
+    {"iridescence", &Finish::iridescence, 0.0f, 1.0f},
+    {"iridescence_ior", &Finish::iridescenceIor, 1.0f, 100.0f},
+    {"iridescence_thinnest_nanometres", &Finish::iridescenceThinnest, 0.0f, kMostNanometres},
+    {"iridescence_thickest_nanometres", &Finish::iridescenceThickest, 0.0f, kMostNanometres}};
+
+/// What a plain material has too is left out.
+void putFinish(OrderedJson& out, const Finish& finish) {
+  const Finish plain;
+  for (const FinishNumber& n : kFinishNumbers) {
+    if (finish.*n.value != plain.*n.value) out[n.key] = double{finish.*n.value};
+  }
+  if (finish.sheens()) out["sheen_color"] = jsonList(finish.sheenColor);
+}
+
+void readFinish(const JsonObject& o, Finish& finish) {
+  for (const FinishNumber& n : kFinishNumbers) {
+    if (o.has(n.key)) finish.*n.value = o.real(n.key, n.low, n.high);
+  }
+  if (o.has("sheen_color")) finish.sheenColor = jsonVector(o, "sheen_color", 0.0f, 1.0f);
+}
+
 }  // namespace
 
 vec3 jsonVector(const JsonObject& o, const char* key, float low, float high) {
@@ -52,6 +85,7 @@ OrderedJson materialJson(const Material& m) {
                      {"volume", m.volume},
                      {"attenuation_color", jsonList(m.attenuationColor)}};
   put(out, "attenuation_distance_metres", m.attenuationDistance);
+  putFinish(out, m.finish);
   return out;
 }
 
@@ -101,7 +135,17 @@ const std::vector<const char*>& materialKeys() {
                                                 "specular_color",
                                                 "volume",
                                                 "attenuation_color",
-                                                "attenuation_distance_metres"};
+                                                "attenuation_distance_metres",
+                                                "clearcoat",
+                                                "clearcoat_roughness",
+                                                "sheen_color",
+                                                "sheen_roughness",
+                                                "anisotropy",
+                                                "anisotropy_rotation_radians",
+                                                "iridescence",
+                                                "iridescence_ior",
+                                                "iridescence_thinnest_nanometres",
+                                                "iridescence_thickest_nanometres"};
   return keys;
 }
 
@@ -132,6 +176,7 @@ void readMaterialJson(const JsonObject& o, Material& m, bool all) {
       m.attenuationDistance = kInfinity;
     }
   }
+  readFinish(o, m.finish);
 }
 
 Light readLightJson(const JsonObject& o) {

@@ -10,6 +10,13 @@ namespace trex {
 /// before filtering (float images are linear already). A non-finite uv reads as 0. Thread safe.
 vec4 sampleTexture(const Image& image, const Texture& texture, vec2 uv, bool srgb);
 
+/// That of the texture's own image; 1 where it has none.
+inline vec4 readTexture(const std::vector<Image>& images, const Texture& texture, vec2 uv,
+                        bool srgb) {
+  if (!texture.present()) return vec4(1.0f);
+  return sampleTexture(images[static_cast<std::size_t>(texture.image)], texture, uv, srgb);
+}
+
 /// Mean of the texture over its image (linear), for light selection.
 vec4 textureMean(const Image& image, bool srgb);
 

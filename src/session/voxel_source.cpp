@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "src/core/error.h"
+#include "src/crays/finish.h"
 #include "src/scene/emission.h"
 #include "src/scene/look.h"
 #include "src/scene/texture.h"
@@ -15,6 +16,17 @@ vec3 textured(const std::vector<Image>& images, const Texture& texture, vec2 uv)
   return vec3(sampleTexture(images[static_cast<std::size_t>(texture.image)], texture, uv, true));
 }
 
+/// Of light from everywhere, without the finish's textures.
+vec3 underFinish(const Finish& finish, const vec3& bare) {
+  constexpr float kCoat = 0.092f;  // of index 1.5, seen from everywhere
+  constexpr float kMiddle = 0.5f;  // cosine
+  const float coat = kCoat * finish.clearcoat;
+  const float alpha = std::max(finish.sheenRoughness * finish.sheenRoughness, kLeastSheenAlpha);
+  const vec3 fibres =
+      finish.sheens() ? finish.sheenColor * sheenAlbedo(kMiddle, alpha) : vec3(0.0f);
+  return (bare * (1.0f - maxComponent(fibres)) + fibres) * (1.0f - coat) + coat;
+}
+
 }  // namespace
 
 vec3 voxelAlbedo(const Material& m, const vec3& baseColor) {
@@ -23,7 +35,8 @@ vec3 voxelAlbedo(const Material& m, const vec3& baseColor) {
   const float f0 = (m.ior - 1.0f) * (m.ior - 1.0f) / ((m.ior + 1.0f) * (m.ior + 1.0f));
   const vec3 gloss = m.specular * (f0 * m.specularColor + (1.0f - f0) / 21.0f);
   const vec3 diffuse = baseColor * (1.0f - m.transmission);
-  return glm::min((diffuse * (vec3(1.0f) - gloss) + gloss) * (1.0f - m.metallic), vec3(1.0f));
+  const vec3 bare = (diffuse * (vec3(1.0f) - gloss) + gloss) * (1.0f - m.metallic);
+  return glm::min(m.finish.present() ? underFinish(m.finish, bare) : bare, vec3(1.0f));
 }
 
 vec3 meanColor(const std::vector<Image>& images, const Texture& texture) {

@@ -27,6 +27,33 @@ Material glossy(float metallic, float roughness, float transmission, bool volume
   return m;
 }
 
+Material coated(Material m, float weight, float roughness) {
+  m.finish.clearcoat = weight;
+  m.finish.clearcoatRoughness = roughness;
+  return m;
+}
+
+Material cloth(const vec3& color, float roughness) {
+  Material m = test::lambert(0.8f);
+  m.finish.sheenColor = color;
+  m.finish.sheenRoughness = roughness;
+  return m;
+}
+
+Material brushed(float strength, float rotation) {
+  Material m = glossy(1.0f, 0.3f, 0.0f, false);
+  m.finish.anisotropy = strength;
+  m.finish.anisotropyRotation = rotation;
+  return m;
+}
+
+Material filmed(float share, float ior) {
+  Material m = glossy(0.0f, 0.4f, 0.0f, false);
+  m.finish.iridescence = share;
+  m.finish.iridescenceIor = ior;
+  return m;
+}
+
 std::vector<Case> cases() {
   return {{"lambert", test::lambert(0.8f), 0.7f},
           {"lambertGrazing", test::lambert(0.8f), 0.05f},
@@ -36,13 +63,21 @@ std::vector<Case> cases() {
           {"mixed", glossy(0.5f, 0.5f, 0.0f, false), 0.4f},
           {"frostedThin", glossy(0.0f, 0.4f, 1.0f, false), 0.8f},
           {"frostedSolid", glossy(0.0f, 0.4f, 1.0f, true), 0.8f},
-          {"halfTransmission", glossy(0.0f, 0.5f, 0.5f, true), 0.5f}};
+          {"halfTransmission", glossy(0.0f, 0.5f, 0.5f, true), 0.5f},
+          {"coatedMetal", coated(glossy(1.0f, 0.6f, 0.0f, false), 1.0f, 0.3f), 0.3f},
+          {"coatedFrosted", coated(glossy(0.0f, 0.4f, 1.0f, false), 0.7f, 0.4f), 0.5f},
+          {"cloth", cloth(vec3(0.9f, 0.5f, 0.2f), 0.5f), 0.4f},
+          {"coatedCloth", coated(cloth(vec3(0.5f), 0.9f), 1.0f, 0.5f), 0.6f},
+          {"brushed", brushed(0.8f, 0.5f), 0.5f},
+          {"soapy", filmed(1.0f, 1.4f), 0.7f}};
 }
 
 Surface surfaceAtOrigin() {
   Surface s{};
   s.geometricNormal = s.shadingNormal = glm::normalize(vec3(0.3f, -0.5f, 0.8f));
   s.color = vec4(1.0f);
+  const Basis basis(s.geometricNormal);
+  s.tangent = basis.tangent, s.bitangent = basis.bitangent;
   return s;
 }
 

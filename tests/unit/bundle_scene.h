@@ -25,6 +25,10 @@ inline void addAwkwardNumbers(Scene& scene) {
   Material glass = lambert(1.0f / 3.0f);
   glass.name = "glass \"\xc3\xa4\"\n";
   glass.transmission = 0.1f;
+  glass.finish.clearcoat = 1.0f / 3.0f;
+  glass.finish.sheenColor = vec3(0.1f, 0.2f, 1.0f / 3.0f);
+  glass.finish.iridescenceThickest = 0.1f;
+  glass.finish.anisotropyTexture.image = 0;
   glass.attenuationDistance = 1e-38f / 3.0f;
   glass.normalScale = -0.0f;
   glass.alphaMode = AlphaMode::kMask;

@@ -234,6 +234,98 @@ TEST(Caustics, MapsDependOnNothingButTheirNumber) {
   EXPECT_EQ(single.find(3), nullptr);
 }
 
+/// A room of matte walls but for one of `material` on the left, which the camera sees as well as
+/// what it throws on the others.
+Scene roomWithWall(const Material& material, bool mirrorToo) {
+  Scene scene;
+  scene.materials = {test::lambert(0.5f), material, mirror()};
+  for (Mesh& m : std::vector<Mesh>{test::sheet(1.0f, -1.0f, 0), test::sheet(1.0f, 1.0f, 0)}) {
+    test::place(scene, m);
+  }
+  const auto wall = [&](vec3 a, vec3 b, vec3 c, vec3 d, int of) {
+    Mesh mesh;
+    mesh.material = of;
+    mesh.positions = {a, b, c, d};
+    mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
+    test::place(scene, mesh);
+  };
+  wall(vec3(-1, -1, -1), vec3(-1, 1, -1), vec3(-1, 1, 1), vec3(-1, -1, 1), 1);
+  wall(vec3(1, -1, -1), vec3(1, -1, 1), vec3(1, 1, 1), vec3(1, 1, -1), 0);
+  wall(vec3(-1, -1, -1), vec3(1, -1, -1), vec3(1, 1, -1), vec3(-1, 1, -1), mirrorToo ? 2 : 0);
+  // Neither the light nor its image in the back wall is seen.
+  scene.cameras = {test::lookAt(dvec3(0.3, -0.5, 1.5), dvec3(-1.0, -0.5, 0.0), 0.7f)};
+  scene.lights = {test::pointLight(dvec3(0.2, 0.5, 0.1), 1.0f)};
+  return scene;
+}
+
+struct Estimate {
+  double mean, error;
+};
+
+/// Mean of a picture and its standard error, by samples.
+Estimate brightness(const Scene& scene, std::uint32_t samples, bool withMaps) {
+  const RayScene rays(scene);
+  const LightSet lights(scene, rays);
+  const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
+  CausticMaps maps(scene, rays, kSide * kSide, 0);
+  const Integrator integrator(scene, rays, lights, camera, GuessOptions{}, withMaps ? 1 : 2, true,
+                              withMaps ? &maps : nullptr);
+  std::vector<ConeRequest> cones;
+  RayCounts counts;
+  double sum = 0.0, squares = 0.0;
+  for (std::uint32_t s = 0; s < samples; ++s) {
+    if (withMaps) maps.prepare({&s, 1});
+    dvec3 picture(0.0);
+    for (std::uint32_t i = 0; i < kSide * kSide; ++i) {
+      picture +=
+          dvec3(integrator.sample(i % kSide, i / kSide, kSide, s, false, 0, cones, counts).common);
+    }
+    const double value = (picture.x + picture.y + picture.z) / (3.0 * kSide * kSide);
+    sum += value, squares += value * value;
+  }
+  const double mean = sum / samples;
+  return {mean, std::sqrt(std::max(0.0, squares / samples - mean * mean) / (samples - 1))};
+}
+
+Material nearMirror(float metallic, float transmission) {
+  Material m;
+  m.metallic = metallic;
+  m.roughness = 0.3f;
+  m.transmission = transmission;
+  m.doubleSided = true;
+  return m;
+}
+
+/// Photons and paths share what near mirrors throw, so that nothing is lost or counted twice: the
+/// same light as light sampling finds alone, with less noise.
+TEST(Caustics, NearMirrorsThrowWhatTheyThrowWithoutPhotons) {
+  Material lacquer = nearMirror(0.0f, 0.0f);
+  lacquer.ior = 2.5f;
+  lacquer.baseColor = vec4(0.6f, 0.3f, 0.2f, 1.0f);
+  for (const Material& m : {nearMirror(1.0f, 0.0f), lacquer, nearMirror(0.0f, 1.0f)}) {
+    const Scene scene = roomWithWall(m, false);
+    const Estimate with = brightness(scene, 64, true), without = brightness(scene, 128, false);
+    EXPECT_NEAR(with.mean / without.mean, 1.0, 0.005 + 4.0 * without.error / without.mean)
+        << m.metallic << " " << m.transmission;
+    EXPECT_LT(4.0 * without.error / without.mean, 0.03);
+  }
+}
+
+/// Near mirrors and mirrors together against a small lamp, which paths find.
+TEST(Caustics, NearMirrorsAndMirrorsAsOfASmallLamp) {
+  Scene scene = roomWithWall(nearMirror(1.0f, 0.0f), true);
+  constexpr float kRadius = 0.1f;
+  const Estimate point = brightness(scene, 64, true);
+  Material lamp = test::lambert(0.0f);
+  lamp.emission = vec3(1.0f / (kPi * kRadius * kRadius));
+  scene.materials.push_back(lamp);
+  test::place(scene, test::sphere(vec3(scene.lights[0].position), kRadius, 3, 24));
+  scene.lights.clear();
+  const Estimate ball = brightness(scene, 500, false);
+  EXPECT_NEAR(point.mean / ball.mean, 1.0, 0.02 + 3.0 * ball.error / ball.mean);
+  EXPECT_LT(3.0 * ball.error / ball.mean, 0.035);
+}
+
 TEST(Caustics, OnlyWhereLightsArePointsAndSomethingBendsThem) {
   Scene scene = floorFrom(0.3f, 0.0f, 1.0f);
   EXPECT_FALSE(CausticMaps::needed(scene));

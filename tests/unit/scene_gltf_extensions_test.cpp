@@ -313,8 +313,36 @@ TEST_F(SceneGltfMore, SpecularGlossiness) {
   EXPECT_EQ(s.replaced.count, 0u);
 }
 
+TEST_F(SceneGltfMore, Finishes) {
+  GlbBuilder b = squareGlb();
+  b.doc["materials"] = {
+      {{"extensions",
+        {{"KHR_materials_clearcoat",
+          {{"clearcoatFactor", 0.5}, {"clearcoatRoughnessFactor", 0.25}}},
+         {"KHR_materials_sheen",
+          {{"sheenColorFactor", {0.1, 0.2, 0.3}}, {"sheenRoughnessFactor", 0.4}}},
+         {"KHR_materials_anisotropy", {{"anisotropyStrength", 0.6}, {"anisotropyRotation", 1.5}}},
+         {"KHR_materials_iridescence",
+          {{"iridescenceFactor", 1.5},
+           {"iridescenceIor", 1.8},
+           {"iridescenceThicknessMaximum", 900}}}}}}};
+  b.doc["meshes"][0]["primitives"][0]["material"] = 0;
+  b.doc["extensionsUsed"] = {"KHR_materials_clearcoat", "KHR_materials_sheen",
+                             "KHR_materials_anisotropy", "KHR_materials_iridescence"};
+  b.node({{"mesh", 0}});
+  const Scene s = import("a.glb", b.glb());
+  EXPECT_TRUE(s.warnings.empty() || !anyWarning(s, "KHR_materials"));
+  Finish right;
+  right.clearcoat = 0.5f, right.clearcoatRoughness = 0.25f;
+  right.sheenColor = vec3(0.1f, 0.2f, 0.3f), right.sheenRoughness = 0.4f;
+  right.anisotropy = 0.6f, right.anisotropyRotation = 1.5f;
+  right.iridescence = 1.0f, right.iridescenceIor = 1.8f, right.iridescenceThickest = 900.0f;
+  EXPECT_EQ(s.materials[s.meshes[0].material].finish, right);
+  EXPECT_TRUE(anyReplaced(s, "iridescenceFactor"));
+}
+
 TEST_F(SceneGltfMore, RequiredExtensionsThatDoNotMoveTheGeometry) {
-  for (const auto& [name, fine] : {std::pair("KHR_materials_clearcoat", true),
+  for (const auto& [name, fine] : {std::pair("KHR_materials_diffuse_transmission", true),
                                    {"KHR_texture_basisu", true},
                                    {"KHR_xmp_json_ld", true},
                                    {"CESIUM_RTC", false},

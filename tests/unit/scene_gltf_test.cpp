@@ -361,8 +361,8 @@ TEST_F(SceneGltf, TextWithExternalAndEmbeddedBuffers) {
 
 TEST_F(SceneGltf, OptionalExtensionIsAWarning) {
   GlbBuilder b = triangleGlb();
-  b.doc["extensionsUsed"] = {"KHR_materials_clearcoat"};
-  EXPECT_TRUE(anyWarning(import("a.glb", b.glb()), "KHR_materials_clearcoat"));
+  b.doc["extensionsUsed"] = {"KHR_materials_diffuse_transmission"};
+  EXPECT_TRUE(anyWarning(import("a.glb", b.glb()), "KHR_materials_diffuse_transmission"));
 }
 
 TEST_F(SceneGltf, FlatTransformIsApplied) {

@@ -56,6 +56,10 @@ What surfaceWidgets(Material& m) {
     if (m.specular > 0.0f && colorBox("Gloss colour", &m.specularColor.x)) what = "Gloss colour";
     if (slider("Index", m.ior, 1.0f, 3.0f, "%.3f", false, "Index of refraction")) what = "Index";
   }
+  if (slider("Clear coat", m.finish.clearcoat, 0.0f, 1.0f)) what = "Clear coat";
+  if (m.finish.coats() && slider("Coat roughness", m.finish.clearcoatRoughness, 0.0f, 1.0f)) {
+    what = "Coat roughness";
+  }
   if (m.normalTexture.present() && slider("Normal map", m.normalScale, 0.0f, 2.0f)) {
     what = "Normal map";
   }
