@@ -276,6 +276,7 @@ void bakeStreamed(const BakeArguments& a) {
   ImportOptions import = a.import;
   import.environmentGiven = !a.environment.empty();
   import.maxMemory = maxMemoryOf(a);
+  import.scratch = fs::absolute(a.output).parent_path();
   Scene volumes;
   addVolumes(volumes, volumesOf(a), import.maxMemory);
   std::unique_ptr<TriangleStream> stream = openTriangleStream(a.input, import);

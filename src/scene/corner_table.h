@@ -25,6 +25,9 @@ class CornerTable {
     return slot - 1;
   }
   const std::vector<Corner>& corners() const { return corners_; }
+  std::size_t residentBytes() const {
+    return slots_.capacity() * sizeof(slots_[0]) + corners_.capacity() * sizeof(Corner);
+  }
 
  private:
   static std::size_t hash(const Corner& corner) {

@@ -35,6 +35,8 @@ struct ImportOptions {
   std::vector<VolumeRequest> volumes{};  ///< media besides those of the file
   std::uint64_t maxMemory = 0;           ///< bytes this process may use; 0: what the machine has
   bool strict = false;                   ///< a part that can't be shown as it is is an error
+  /// Folder for the temporary files of streams (triangle_stream.h); empty: the system's.
+  std::filesystem::path scratch{};
   /// Of formats that know neither (all but glTF, FBX, COLLADA, IFC, X3D): metres of one of the
   /// file's units, and whether its z is up. Error(kUsage) with others.
   double unit = 1.0;

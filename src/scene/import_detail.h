@@ -42,6 +42,10 @@ std::unique_ptr<TriangleStream> openStlStream(const std::filesystem::path& path,
 std::unique_ptr<TriangleStream> openPlyStream(const std::filesystem::path& path,
                                               const ImportOptions& options);
 
+/// An OBJ file as a stream over temporary files (ImportOptions::scratch); null for other files.
+std::unique_ptr<TriangleStream> openObjStream(const std::filesystem::path& path,
+                                              const ImportOptions& options);
+
 /// Adds a file that is about to be read to Scene::files, once. One that is not there is left to
 /// the reader to complain about.
 void noteFile(Scene& scene, const std::filesystem::path& path);

@@ -144,12 +144,12 @@ std::string parseOptions(std::string_view text, const SetOption& set) {
     const std::string_view part = text.substr(0, end);
     text = end < text.size() ? text.substr(end + 1) : std::string_view();
     const std::size_t equals = part.find('=');
-    if (equals == part.npos) return "'" + std::string(part) + "' has no value";
+    if (equals == part.npos) return fmt::format("'{}' has no value", part);
     std::vector<double> numbers;
     for (std::string_view list = part.substr(equals + 1);;) {
       const std::string_view word = list.substr(0, list.find(','));
       double number = 0.0;
-      if (!parseDouble(word, number)) return "'" + std::string(word) + "' is no number";
+      if (!parseDouble(word, number)) return fmt::format("'{}' is no number", word);
       numbers.push_back(number);
       if (word.size() == list.size()) break;
       list = list.substr(word.size() + 1);

@@ -1,403 +1,61 @@
-// A streaming reader of Wavefront OBJ. Every (object, material) pair becomes one mesh, or two: one
-// with normals, one of flat faces.
+// Wavefront OBJ as meshes. Every (object, material) pair becomes one, or two: one with normals, one
+// of flat faces.
 #include <algorithm>
-#include <array>
-#include <map>
-#include <tuple>
 
-#include "src/scene/corner_table.h"
-#include "src/scene/import_detail.h"
-#include "src/scene/mtl.h"
-#include "src/scene/polygon.h"
-#include "src/scene/statements.h"
-#include "src/scene/texture_file.h"
+#include "src/scene/obj_reader.h"
 
 namespace trex::detail {
 namespace {
 
-/// Numbers of position, texture coordinate and normal; -1 where absent. Normals that are made of
-/// those of faces are -2, -3, ...
-using Corner = CornerTable<3>::Corner;
-
-struct Group {
-  int object = 0, material = 0;
-  bool normals = false;
-  CornerTable<3> table;
-  std::vector<glm::uvec3> triangles;
-};
-
-/// A face that uses vertices which have not come yet.
-struct WaitingFace {
-  int object = 0, material = 0;
-  std::int32_t smoothing = 0;
-  std::uint64_t line = 0;
-  std::size_t firstCorner = 0, corners = 0;
-};
-
-class ObjReader {
+class ObjScene : ObjReader {
  public:
-  ObjReader(const std::filesystem::path& path, const ImportOptions& options)
-      : input_(path), path_(path), options_(options) {
-    scene_.materials.push_back(defaultMaterial());
-  }
+  using ObjReader::ObjReader;
 
   Scene read() {
-    std::string_view keyword, arguments;
-    while (input_.next(keyword, arguments)) readStatement(keyword, arguments);
-    return finish();
-  }
-
- private:
-  template <typename... Args>
-  void replace(fmt::format_string<Args...> format, Args&&... args) {
-    scene_.replaced.add(input_.where() + ": " + fmt::format(format, std::forward<Args>(args)...));
-  }
-
-  void readStatement(std::string_view keyword, std::string_view line) {
-    if (keyword == "v") {
-      readPosition(line);
-    } else if (keyword == "f") {
-      readFace(line);
-    } else if (keyword == "vn") {
-      readNormal(line);
-    } else if (keyword == "vt") {
-      readTexCoord(line);
-    } else if (keyword == "usemtl") {
-      useMaterial(line);
-    } else if (keyword == "o") {
-      objectsNamed_ = true;
-      beginObject(line);
-    } else if (keyword == "g" && !objectsNamed_) {
-      beginObject(line);
-    } else if (keyword == "s") {
-      readSmoothing(line);
-    } else if (keyword == "mtllib") {
-      readLibraries(line);
-    } else if (keyword == "l" || keyword == "p") {
-      ++linesAndPoints_;
-    } else if (keyword == "surf" || keyword == "curv" || keyword == "curv2") {
-      ++freeForms_;
+    readAll();
+    for (auto& [group, part] : parts_) {
+      const auto& corners = part.table.corners();
+      const bool uv =
+          scene_.materials[group.material].textured() &&
+          std::any_of(corners.begin(), corners.end(), [](const ObjCorner& c) { return c[1] >= 0; });
+      addMesh(group, meshOf(group, corners, std::move(part.triangles), uv));
+      part = {};
     }
-  }
-
-  double number(std::string_view word) {
-    double value = 0.0;
-    if (parseNumber(word, value)) return value;
-    if (word.empty()) {
-      replace("a number is missing; not-a-number is used");
-    } else {
-      replace("'{}' is not a number; not-a-number is used", word.substr(0, 40));
-    }
-    return std::nan("");
-  }
-
-  void readPosition(std::string_view line) {
-    dvec3 p;
-    for (int i = 0; i < 3; ++i) p[i] = number(nextWord(line));
-    if (positions_.size() >= 0x7fffffffu) {
-      fail(ExitCode::kInput, "{}: too many vertices", input_.where());
-    }
-    positions_.push_back(frame_.toLocal(p));
-    std::array<float, 4> extra{};
-    std::size_t count = 0;
-    for (std::string_view w = nextWord(line); !w.empty() && count < 4; w = nextWord(line)) {
-      extra[count++] = static_cast<float>(number(w));
-    }
-    if (count < 3) return;  // none, or a weight
-    const auto channel = [&](std::size_t i) {
-      return decodeSrgb(std::clamp(extra[i + (count == 4)], 0.0f, 1.0f));
-    };
-    // Vertices before the first coloured one are white.
-    colors_.resize(positions_.size() - 1, glm::u8vec4(255));
-    colors_.push_back(packVertexColor({channel(0), channel(1), channel(2), 1.0f}));
-  }
-
-  void readNormal(std::string_view line) {
-    vec3 n;
-    for (int i = 0; i < 3; ++i) n[i] = static_cast<float>(number(nextWord(line)));
-    normals_.push_back(n);
-  }
-
-  void readTexCoord(std::string_view line) {
-    const float u = static_cast<float>(number(nextWord(line)));
-    const std::string_view second = nextWord(line);
-    const float v = second.empty() ? 0.0f : static_cast<float>(number(second));
-    texCoords_.push_back(vec2(u, 1.0f - v));
-  }
-
-  void beginObject(std::string_view name) {
-    scene_.objects.push_back(name.empty() ? fmt::format("object {}", scene_.objects.size())
-                                          : utf8Of(name));
-    object_ = static_cast<int>(scene_.objects.size()) - 1;
-  }
-
-  /// "off" and 0 are flat. Groups are positive; what is no number smooths too, with its like.
-  void readSmoothing(std::string_view line) {
-    std::int64_t group = 1;
-    parseInteger(line, group);
-    smoothing_ = line == "off" || line.empty() || group <= 0 || group > 0x7fffffff
-                     ? 0
-                     : static_cast<std::int32_t>(group);
-  }
-
-  bool readLibrary(std::string_view name) {
-    std::error_code error;
-    const std::filesystem::path file = findFile(path_.parent_path(), std::string(name));
-    if (!std::filesystem::is_regular_file(file, error)) return false;
-    readMtl(file, options_, scene_, materialNames_);
-    return true;
-  }
-
-  /// Several names are allowed, and so are blanks in a name.
-  void readLibraries(std::string_view line) {
-    if (readLibrary(line)) return;
-    line = withoutComment(line);
-    if (readLibrary(line)) return;
-    for (std::string_view name = nextWord(line); !name.empty(); name = nextWord(line)) {
-      if (readLibrary(name)) continue;
-      replace("no material file {}; grey is used",
-              (path_.parent_path() / std::string(name)).string());
-    }
-  }
-
-  void useMaterial(std::string_view written) {
-    auto found = materialNames_.find(std::string(written));
-    if (found == materialNames_.end()) {
-      found = materialNames_.find(std::string(withoutComment(written)));
-    }
-    material_ = found == materialNames_.end() ? 0 : found->second;
-    if (found == materialNames_.end() && materialNames_.emplace(written, 0).second) {
-      replace("material '{}' is not defined; grey is used", utf8Of(written.substr(0, 200)));
-    }
-  }
-
-  Group& group(int object, int material, bool normals) {
-    if (lastGroup_ != nullptr && lastGroup_->object == object && lastGroup_->material == material &&
-        lastGroup_->normals == normals) {
-      return *lastGroup_;
-    }
-    lastGroup_ = &groups_[{object, material, normals}];
-    lastGroup_->object = object;
-    lastGroup_->material = material;
-    lastGroup_->normals = normals;
-    return *lastGroup_;
-  }
-
-  /// One of "v", "v/t", "v//n", "v/t/n"; from 1, or backwards from the last if negative. Those that
-  /// have not come yet are taken as they are. Returns what is wrong, or nothing.
-  std::string readCorner(std::string_view word, Corner& corner) const {
-    const std::array<std::size_t, 3> sizes = {positions_.size(), texCoords_.size(),
-                                              normals_.size()};
-    corner = {-1, -1, -1};
-    std::string_view left = word;
-    for (std::size_t i = 0; i < 3; ++i) {
-      const std::size_t slash = left.find('/');
-      const std::string_view part = left.substr(0, slash);
-      if (!part.empty() || i == 0) {
-        std::int64_t value = 0;
-        if (!parseInteger(part, value)) break;
-        const std::int64_t size = static_cast<std::int64_t>(sizes[i]);
-        const std::int64_t zeroBased = value > 0 ? value - 1 : size + value;
-        if (value == 0 || zeroBased < 0 || zeroBased > 0x7ffffffe) {
-          return outOfRange(i, value, sizes[i]);
-        }
-        corner[i] = static_cast<std::int32_t>(zeroBased);
-      }
-      if (slash == left.npos) return {};
-      left.remove_prefix(slash + 1);
-    }
-    return fmt::format("'{}' is not a corner of a face", word.substr(0, 40));
-  }
-
-  static std::string outOfRange(std::size_t kind, std::int64_t value, std::size_t size) {
-    constexpr std::array<const char*, 3> kNames = {"vertex", "texture coordinate", "normal"};
-    return fmt::format("{} {} is out of range; there are {}", kNames[kind], value, size);
-  }
-
-  bool known(const Corner& c) const {
-    return c[0] < static_cast<std::int64_t>(positions_.size()) &&
-           c[1] < static_cast<std::int64_t>(texCoords_.size()) &&
-           c[2] < static_cast<std::int64_t>(normals_.size());
-  }
-
-  void readFace(std::string_view line) {
-    corners_.clear();
-    bool allKnown = true;
-    for (std::string_view w = nextWord(line); !w.empty(); w = nextWord(line)) {
-      const std::string problem = readCorner(w, corners_.emplace_back());
-      if (!problem.empty()) return replace("{}; the face is left out", problem);
-      allKnown = allKnown && known(corners_.back());
-    }
-    if (object_ == kNone) beginObject(path_.stem().string());
-    if (corners_.size() < 3) {
-      ++smallFaces_;
-    } else if (allKnown) {
-      addFace(object_, material_, smoothing_);
-    } else {
-      waiting_.push_back({object_, material_, smoothing_, input_.lineNumber(),
-                          waitingCorners_.size(), corners_.size()});
-      waitingCorners_.insert(waitingCorners_.end(), corners_.begin(), corners_.end());
-    }
-  }
-
-  void addWaitingFaces() {
-    for (const WaitingFace& face : waiting_) {
-      const auto first = waitingCorners_.begin() + static_cast<std::ptrdiff_t>(face.firstCorner);
-      corners_.assign(first, first + static_cast<std::ptrdiff_t>(face.corners));
-      if (checkWaiting(face)) addFace(face.object, face.material, face.smoothing);
-    }
-  }
-
-  /// What never came: without a vertex there is no face, texture coordinates and normals may lack.
-  bool checkWaiting(const WaitingFace& face) {
-    const auto tell = [&](std::size_t kind, std::int32_t value, std::size_t size,
-                          const char* instead) {
-      scene_.replaced.add(fmt::format("{}:{}: {}; {}", input_.file(), face.line,
-                                      outOfRange(kind, std::int64_t{value} + 1, size), instead));
-    };
-    for (Corner& c : corners_) {
-      if (c[0] >= static_cast<std::int64_t>(positions_.size())) {
-        tell(0, c[0], positions_.size(), "the face is left out");
-        return false;
-      }
-      if (c[1] >= static_cast<std::int64_t>(texCoords_.size())) {
-        tell(1, c[1], texCoords_.size(), "0 is used");
-        c[1] = -1;
-      }
-      if (c[2] >= static_cast<std::int64_t>(normals_.size())) {
-        tell(2, c[2], normals_.size(), "the face's own is used");
-        c[2] = -1;
-      }
-    }
-    return true;
-  }
-
-  std::span<const glm::uvec3> cutFace() {
-    points_.clear();
-    for (const Corner& c : corners_) points_.push_back(dvec3(positions_[c[0]]));
-    const auto triangles = cutter_.cut(points_);
-    crossedFaces_ += cutter_.failed();
-    return triangles;
-  }
-
-  /// The face of `corners_`.
-  void addFace(int object, int material, std::int32_t smoothing) {
-    const auto lacks = [](const Corner& c) { return c[2] == -1; };
-    const bool flat = smoothing == 0 && std::all_of(corners_.begin(), corners_.end(), lacks);
-    Group& g = group(object, material, !flat);
-    const std::span<const glm::uvec3> triangles = cutFace();
-    if (g.triangles.size() + triangles.size() > kMaxElements) {
-      fail(ExitCode::kInput, "{}: too many triangles", input_.where());
-    }
-    if (!flat && std::any_of(corners_.begin(), corners_.end(), lacks)) {
-      makeNormals(smoothing, triangles);
-    }
-    numbers_.clear();
-    for (const Corner& c : corners_) numbers_.push_back(g.table.indexOf(c));
-    for (const glm::uvec3& t : triangles) {
-      g.triangles.push_back({numbers_[t.x], numbers_[t.y], numbers_[t.z]});
-    }
-  }
-
-  /// Corners without a normal share one with those of the same vertex and smoothing group, weighted
-  /// by area; without a group the face's own.
-  void makeNormals(std::int32_t smoothing, std::span<const glm::uvec3> triangles) {
-    dvec3 face(0.0);
-    for (const glm::uvec3& t : triangles) {
-      face += glm::cross(points_[t.y] - points_[t.x], points_[t.z] - points_[t.x]);
-    }
-    if (smoothing == 0) smoothing = --ownNormals_;
-    for (Corner& c : corners_) {
-      if (c[2] != -1) continue;
-      const std::uint32_t number = smoothVertices_.indexOf({c[0], smoothing});
-      if (number == madeNormals_.size()) madeNormals_.emplace_back(0.0);
-      madeNormals_[number] += face;
-      c[2] = -2 - static_cast<std::int32_t>(number);
-    }
-  }
-
-  vec3 normalOf(const Corner& c) const {
-    if (c[2] >= 0) return normals_[c[2]];
-    const dvec3& made = madeNormals_[static_cast<std::size_t>(-2 - c[2])];
-    const double length = glm::length(made);
-    return length > 0.0 && std::isfinite(length) ? vec3(made / length) : vec3(0.0f, 1.0f, 0.0f);
-  }
-
-  void addMesh(Group& g) {
-    Mesh mesh;
-    mesh.name = scene_.objects[g.object];
-    mesh.origin = frame_.origin();
-    mesh.material = g.material;
-    mesh.triangles = std::move(g.triangles);
-    const auto& corners = g.table.corners();
-    const bool uv =
-        scene_.materials[g.material].textured() &&
-        std::any_of(corners.begin(), corners.end(), [](const Corner& c) { return c[1] >= 0; });
-    mesh.positions.reserve(corners.size());
-    for (const Corner& c : corners) {
-      mesh.positions.push_back(positions_[c[0]]);
-      if (uv) mesh.texCoords.push_back(c[1] < 0 ? vec2(0.0f) : texCoords_[c[1]]);
-      if (g.normals) mesh.normals.push_back(normalOf(c));
-      if (!colors_.empty()) mesh.colors.push_back(colors_[c[0]]);
-    }
-    g.table = {};
-    sanitiseMesh(scene_, mesh, fmt::format("{}: object '{}'", input_.file(), mesh.name));
-    Instance instance;
-    instance.name = mesh.name;
-    instance.mesh = static_cast<int>(scene_.meshes.size());
-    instance.object = g.object;
-    scene_.meshes.push_back(std::move(mesh));
-    scene_.instances.push_back(std::move(instance));
-  }
-
-  Scene finish() {
-    addWaitingFaces();
-    if (!colors_.empty()) {
-      colors_.resize(positions_.size(), glm::u8vec4(255));
-      scene_.materials[0].baseColor = vec4(1.0f);
-    }
-    for (auto& [key, g] : groups_) addMesh(g);
-    const auto tell = [&](std::uint64_t count, const char* what) {
-      if (count == 0) return;
-      scene_.replaced.add(fmt::format("{}: {} {}", input_.file(), count, what), count);
-    };
-    tell(linesAndPoints_, "lines and points are left out");
-    tell(freeForms_, "free-form curves and surfaces are left out");
-    tell(smallFaces_, "faces with fewer than 3 corners are left out");
-    tell(crossedFaces_, "faces cross themselves; fans of triangles are used");
     return std::move(scene_);
   }
 
-  Statements input_;
-  std::filesystem::path path_;
-  const ImportOptions& options_;
-  Scene scene_;
-  std::map<std::string, int> materialNames_;
-  std::map<std::tuple<int, int, bool>, Group> groups_;
-  Group* lastGroup_ = nullptr;
-  int object_ = kNone, material_ = 0;
-  std::int32_t smoothing_ = 0, ownNormals_ = 0;
-  bool objectsNamed_ = false;
-  LocalFrame frame_;
-  std::vector<vec3> positions_, normals_;
-  std::vector<vec2> texCoords_;
-  std::vector<glm::u8vec4> colors_;
-  CornerTable<2> smoothVertices_;  ///< of vertices and smoothing groups
-  std::vector<dvec3> madeNormals_;
-  std::vector<WaitingFace> waiting_;
-  std::vector<Corner> waitingCorners_;
-  // Of the face under way.
-  std::vector<Corner> corners_;
-  std::vector<dvec3> points_;
+ private:
+  struct Part {
+    CornerTable<3> table;
+    std::vector<glm::uvec3> triangles;
+  };
+
+  void take(const ObjGroup& group, std::span<const ObjCorner> corners,
+            std::span<const glm::uvec3> triangles) override {
+    if (last_ == nullptr || lastGroup_ != group) {
+      last_ = &parts_[group];
+      lastGroup_ = group;
+    }
+    if (last_->triangles.size() + triangles.size() > kMaxElements) {
+      fail(ExitCode::kInput, "{}: too many triangles", where());
+    }
+    numbers_.clear();
+    for (const ObjCorner& c : corners) numbers_.push_back(last_->table.indexOf(c));
+    for (const glm::uvec3& t : triangles) {
+      last_->triangles.push_back({numbers_[t.x], numbers_[t.y], numbers_[t.z]});
+    }
+  }
+
+  std::map<ObjGroup, Part> parts_;
+  Part* last_ = nullptr;
+  ObjGroup lastGroup_;
   std::vector<std::uint32_t> numbers_;
-  PolygonCutter cutter_;
-  std::uint64_t linesAndPoints_ = 0, freeForms_ = 0, smallFaces_ = 0, crossedFaces_ = 0;
 };
 
 }  // namespace
 
 Scene readObj(const std::filesystem::path& path, const ImportOptions& options) {
-  return ObjReader(path, options).read();
+  return ObjScene(path, options).read();
 }
 
 }  // namespace trex::detail

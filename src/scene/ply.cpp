@@ -7,109 +7,12 @@
 
 #include "src/scene/corner_table.h"
 #include "src/scene/import_detail.h"
-#include "src/scene/ply_file.h"
+#include "src/scene/ply_rows.h"
 #include "src/scene/polygon.h"
 #include "src/scene/texture_file.h"
 
 namespace trex::detail {
 namespace {
-
-/// What a vertex property is stored as.
-enum Slot { kX, kY, kZ, kNx, kNy, kNz, kU, kV, kRed, kGreen, kBlue, kAlpha, kSlots, kUnused };
-
-Slot slotOf(const PlyProperty& property) {
-  static const std::map<std::string_view, Slot> kNames = {{"x", kX},
-                                                          {"y", kY},
-                                                          {"z", kZ},
-                                                          {"nx", kNx},
-                                                          {"ny", kNy},
-                                                          {"nz", kNz},
-                                                          {"u", kU},
-                                                          {"s", kU},
-                                                          {"texture_u", kU},
-                                                          {"v", kV},
-                                                          {"t", kV},
-                                                          {"texture_v", kV},
-                                                          {"red", kRed},
-                                                          {"green", kGreen},
-                                                          {"blue", kBlue},
-                                                          {"alpha", kAlpha},
-                                                          {"diffuse_red", kRed},
-                                                          {"diffuse_green", kGreen},
-                                                          {"diffuse_blue", kBlue},
-                                                          {"r", kRed},
-                                                          {"g", kGreen},
-                                                          {"b", kBlue},
-                                                          {"a", kAlpha}};
-  const auto found = property.isList ? kNames.end() : kNames.find(property.name);
-  return found == kNames.end() ? kUnused : found->second;
-}
-
-/// What integers must be divided by to lie in [0, 1]. Those of 32 bits are bytes in a wide type.
-double colorScale(PlyType type) {
-  switch (type) {
-    case PlyType::kInt8:
-      return 127.0;
-    case PlyType::kInt16:
-      return 32767.0;
-    case PlyType::kUint16:
-      return 65535.0;
-    case PlyType::kUint8:
-    case PlyType::kInt32:
-    case PlyType::kUint32:
-      return 255.0;
-    default:
-      return 1.0;
-  }
-}
-
-/// Where an element's row keeps what this program shows of it.
-struct Row {
-  explicit Row(const PlyElement& element) : properties(element.properties) {
-    divisor.fill(1.0);
-    for (const PlyProperty& p : properties) {
-      const Slot slot = slotOf(p);
-      slots.push_back(slot);
-      if (slot == kUnused) continue;
-      has[slot] = true;
-      if (slot >= kRed) divisor[slot] = colorScale(p.type);
-      if (slot == kRed) srgb = isInteger(p.type);
-      wide = wide || (slot <= kZ && p.type == PlyType::kDouble);
-    }
-  }
-  bool colors() const { return has[kRed] && has[kGreen] && has[kBlue]; }
-  /// Of the values read last. Integers are sRGB, floats linear.
-  glm::u8vec4 color() const {
-    vec4 c(1.0f);
-    for (int k = 0; k < 3; ++k) {
-      const auto channel = static_cast<float>(value[kRed + k] / divisor[kRed + k]);
-      c[k] = srgb ? decodeSrgb(channel) : channel;
-    }
-    if (has[kAlpha]) c.a = static_cast<float>(value[kAlpha] / divisor[kAlpha]);
-    return packVertexColor(c);
-  }
-
-  const std::vector<PlyProperty>& properties;
-  std::vector<Slot> slots;  ///< by property
-  std::array<bool, kSlots> has{};
-  std::array<double, kSlots> value{}, divisor{};
-  bool srgb = false, wide = false;
-};
-
-/// Where a face's row keeps what is shown.
-struct FaceRow {
-  explicit FaceRow(const PlyElement& element) : row(element) {
-    for (std::size_t k = 0; k < element.properties.size(); ++k) {
-      const PlyProperty& p = element.properties[k];
-      if (p.isList && (p.name == "vertex_indices" || p.name == "vertex_index")) indices = k;
-      if (p.isList && p.name == "texcoord") texCoords = k;
-      if (!p.isList && p.name == "texnumber") number = k;
-    }
-  }
-  static constexpr std::size_t kAbsent = ~std::size_t{0};
-  Row row;
-  std::size_t indices = kAbsent, texCoords = kAbsent, number = kAbsent;
-};
 
 /// Triangles of one texture whose corners have values of their own: vertex, colour, u, v.
 struct Part {
@@ -152,10 +55,10 @@ class PlyReader {
   }
 
   void readVertices(const PlyElement& element) {
-    Row row(element);
+    PlyRow row(element);
     if (!(row.has[kX] && row.has[kY] && row.has[kZ])) file_.bad("element vertex has no x, y and z");
-    const bool normals = row.has[kNx] && row.has[kNy] && row.has[kNz];
-    const bool uv = row.has[kU] && row.has[kV];
+    const bool normals = row.normals();
+    const bool uv = row.texCoords();
     mesh_.positions.reserve(element.count);
     if (normals) mesh_.normals.reserve(element.count);
     if (uv) mesh_.texCoords.reserve(element.count);
@@ -164,7 +67,7 @@ class PlyReader {
     const bool wide = row.wide || file_.isText();
     const auto& value = row.value;
     for (std::uint64_t i = 0; i < element.count; ++i) {
-      readRow(row);
+      row.read(file_);
       const dvec3 p(value[kX], value[kY], value[kZ]);
       mesh_.positions.push_back(wide ? frame_.toLocal(p) : vec3(p));
       if (normals) mesh_.normals.push_back(vec3(value[kNx], value[kNy], value[kNz]));
@@ -173,24 +76,13 @@ class PlyReader {
     }
   }
 
-  void readRow(Row& row) {
-    for (std::size_t k = 0; k < row.slots.size(); ++k) {
-      const PlyProperty& property = row.properties[k];
-      if (row.slots[k] == kUnused) {
-        file_.skip(property);
-      } else {
-        row.value[row.slots[k]] = file_.scalar(property.type);
-      }
-    }
-  }
-
   void readFaces(const PlyElement& element) {
-    FaceRow face(element);
-    if (face.indices == FaceRow::kAbsent) file_.bad("element face has no list vertex_indices");
+    PlyFaceRow face(element);
+    if (face.indices == PlyFaceRow::kAbsent) file_.bad("element face has no list vertex_indices");
     if (!isInteger(element.properties[face.indices].type)) {
       file_.bad("vertex_indices must be integers");
     }
-    const bool wedges = options_.loadTextures && face.texCoords != FaceRow::kAbsent &&
+    const bool wedges = options_.loadTextures && face.texCoords != PlyFaceRow::kAbsent &&
                         !file_.textureFiles().empty();
     const bool ownCorners = wedges || face.row.colors();
     mesh_.triangles.reserve(std::min<std::uint64_t>(element.count, file_.remaining() / 4));
@@ -204,7 +96,7 @@ class PlyReader {
     replace(crossedFaces_, "{} faces cross themselves; fans of triangles are used", crossedFaces_);
   }
 
-  void readFace(FaceRow& face, bool wedges) {
+  void readFace(PlyFaceRow& face, bool wedges) {
     corners_.clear();
     wedges_.clear();
     texture_ = 0;
@@ -279,7 +171,7 @@ class PlyReader {
   }
 
   /// Corners of the face have its colour, and texture coordinates of their own.
-  void addOwnCorners(const FaceRow& face, bool wedges) {
+  void addOwnCorners(const PlyFaceRow& face, bool wedges) {
     Part& part = parts_[texture_];
     const auto triangles = cutFace();
     std::int32_t color = -1;

@@ -1,5 +1,5 @@
-// Binary PLY files of positions, normals and colours as streams: the file is mapped, never held.
-// Others are left to the importer.
+// PLY files of positions, normals and colours as streams: a binary file is mapped, what is made of
+// others lies in a temporary file. Those with more in them are left to the importer.
 #include <algorithm>
 #include <atomic>
 #include <bit>
@@ -9,19 +9,12 @@
 
 #include "src/scene/import_detail.h"
 #include "src/scene/mapped_file.h"
+#include "src/scene/ply_layout.h"
 #include "src/scene/polygon.h"
-#include "src/scene/triangle_stream.h"
+#include "src/scene/streamed.h"
 
 namespace trex::detail {
 namespace {
-
-struct PlyLayout {
-  std::uint64_t vertices = 0, faces = 0;
-  std::size_t vertexStart = 0, faceStart = 0, stride = 0;
-  // Bytes from the start of a vertex.
-  std::size_t place[3] = {}, normal[3] = {}, color[4] = {};
-  bool normals = false, colors = false, alpha = false;
-};
 
 /// Which of some names this is, or -1.
 int indexOf(const std::string& name, std::initializer_list<const char*> names) {
@@ -107,34 +100,29 @@ bool readLayout(const std::filesystem::path& path, PlyLayout& out) {
 
 class PlyStream : public TriangleStream {
  public:
+  /// Of a file that is mapped if nothing was made of it. `scene` has what was said of it.
   PlyStream(const std::filesystem::path& path, const PlyLayout& layout,
-            const ImportOptions& options)
-      : map_(path),
+            GrowingArray<std::uint8_t> converted, Scene scene, const ImportOptions& options)
+      : converted_(std::move(converted)),
         layout_(layout),
-        source_(examineSource(path)),
-        options_(options.key()),
-        toWorld_(options.toWorld()),
-        turn_(glm::mat3(glm::dmat3(toWorld_) / options.unit)) {
-    scene_.source = path.string();
-    scene_.files = {source_};
+        options_(options),
+        placed_(options),
+        scene_(std::move(scene)) {
+    if (converted_.empty()) map_ = std::make_unique<MappedFile>(path);
+    beginStreamed(scene_, path);
     measure();
     scene_.materials.push_back(defaultMaterial());
     if (layout_.colors) scene_.materials[0].baseColor = vec4(1.0f);
     scene_.objects.push_back(path.stem().string());
     scene_.meshes.emplace_back().name = scene_.objects[0];
     scene_.instances.emplace_back().name = scene_.objects[0];
-    if (!bounds_.empty()) scene_.cameras.push_back(framingCamera(bounds_));
-    addDefaultLightAndCamera(scene_, options.environmentGiven);
-    tellReplaced(scene_, options.strict);
+    finishStreamed(scene_, options, bounds_);
   }
   const Scene& scene() const override { return scene_; }
   Box3d bounds() const override { return bounds_; }
   std::uint64_t triangleCount() const override { return triangles_; }
   std::uint64_t batchCount() const override { return starts_.size(); }
-  std::string key() const override {
-    return fmt::format("{}|{}|{}{}", source_.path, source_.bytes, source_.modifiedNanoseconds,
-                       options_);
-  }
+  std::string key() const override { return streamKey(scene_, options_); }
   StreamAttributes attributes() const override {
     return {.normals = layout_.normals, .texCoords = false, .colors = layout_.colors};
   }
@@ -149,7 +137,7 @@ class PlyStream : public TriangleStream {
     PolygonCutter cutter;
     std::vector<dvec3> points;
     for (std::uint64_t face = starts_[number].face; face < end; ++face) {
-      const std::uint32_t corners = map_.data()[at];
+      const std::uint32_t corners = cornersAt(at);
       const bool good = cornersExist(at, corners);
       points.assign(good ? corners : 0, dvec3(0.0));
       if (corners > 3) {
@@ -159,10 +147,10 @@ class PlyStream : public TriangleStream {
         for (int k = 0; k < 3; ++k) add(indexAt(at, t[k]), out);
         if (layout_.normals) repairNormals(out);
       }
-      at += 1 + 4ull * corners;
+      at += layout_.countBytes + 4ull * corners;
     }
     out.runs.push_back({0, 0, out.triangles()});
-    if (++reads_ % kForget == 0) map_.forget();
+    if (++reads_ % kForget == 0) forget();
   }
 
  private:
@@ -173,8 +161,17 @@ class PlyStream : public TriangleStream {
     std::uint64_t face;
   };
 
+  const std::uint8_t* data() const { return map_ ? map_->data() : converted_.data(); }
+  std::size_t size() const { return map_ ? map_->size() : converted_.size(); }
+  void forget() const { map_ ? map_->forget() : converted_.forget(); }
+  /// Corners of the face at a byte.
+  std::uint32_t cornersAt(std::size_t at) const {
+    std::uint32_t corners = 0;
+    std::memcpy(&corners, data() + at, layout_.countBytes);
+    return corners;
+  }
   const std::uint8_t* vertexAt(std::uint64_t vertex) const {
-    return map_.data() + layout_.vertexStart + vertex * layout_.stride;
+    return data() + layout_.vertexStart + vertex * layout_.stride;
   }
   static vec3 floats(const std::uint8_t* vertex, const std::size_t* place) {
     vec3 p;
@@ -182,7 +179,11 @@ class PlyStream : public TriangleStream {
     return p;
   }
   dvec3 position(std::uint64_t vertex) const {
-    return dvec3(toWorld_ * glm::dvec4(dvec3(floats(vertexAt(vertex), layout_.place)), 1.0));
+    const std::uint8_t* at = vertexAt(vertex);
+    if (!layout_.wide) return placed_.point(dvec3(floats(at, layout_.place)));
+    dvec3 p;
+    for (int k = 0; k < 3; ++k) std::memcpy(&p[k], at + layout_.place[k], sizeof(double));
+    return placed_.point(p);
   }
   /// As the importer reads them: sRGB, alpha linear.
   glm::u8vec4 color(const std::uint8_t* vertex) const {
@@ -191,22 +192,10 @@ class PlyStream : public TriangleStream {
     if (layout_.alpha) c.a = vertex[layout_.color[3]];
     return c;
   }
-  /// The last triangle's: where they mean nothing, the face's own.
-  static void repairNormals(TriangleBatch& out) {
-    const std::size_t first = out.positions.size() - 3;
-    for (std::size_t i = first; i < first + 3; ++i) {
-      const float length = glm::length(out.normals[i]);
-      if (length > 0.0f && std::isfinite(length)) continue;
-      const vec3 a = out.positions[first];
-      const vec3 face = glm::cross(out.positions[first + 1] - a, out.positions[first + 2] - a);
-      const float area = glm::length(face);
-      out.normals[i] = area > 0.0f && std::isfinite(area) ? face / area : vec3(0.0f, 0.0f, 1.0f);
-    }
-  }
   /// Vertex of a corner of the face at a byte.
   std::uint32_t indexAt(std::size_t at, std::uint32_t corner) const {
     std::uint32_t index;
-    std::memcpy(&index, map_.data() + at + 1 + 4ull * corner, sizeof(index));
+    std::memcpy(&index, data() + at + layout_.countBytes + 4ull * corner, sizeof(index));
     return index;
   }
   bool cornersExist(std::size_t at, std::uint32_t corners) const {
@@ -218,45 +207,47 @@ class PlyStream : public TriangleStream {
   void add(std::uint32_t index, TriangleBatch& out) const {
     const std::uint8_t* vertex = vertexAt(index);
     out.positions.push_back(vec3(position(index) - out.origin));
-    if (layout_.normals) out.normals.push_back(turn_ * floats(vertex, layout_.normal));
+    if (layout_.normals) out.normals.push_back(placed_.direction(floats(vertex, layout_.normal)));
     if (layout_.colors) out.colors.push_back(color(vertex));
   }
 
   /// One look over all vertices for the bounds, and over all faces for where they lie.
   void measure() {
-    const std::size_t size = map_.size();
+    const std::size_t bytes = size();
     const auto cut = [&] { fail(ExitCode::kInput, "{}: the file ends early", scene_.source); };
-    if (layout_.vertices > (size - layout_.vertexStart) / layout_.stride) cut();
+    if (layout_.vertices > (bytes - layout_.vertexStart) / layout_.stride) cut();
     Box3d box;
     for (std::uint64_t v = 0; v < layout_.vertices; ++v) {
       const dvec3 p = position(v);
       if (isFinite(vec3(p))) box.extend(p);
-      if (v % (std::uint64_t{1} << 24) == 0) map_.forget();
+      if (v % (std::uint64_t{1} << 20) == 0) forget();
     }
     bounds_ = box;
-    if (!box.empty() &&
-        !glm::all(glm::lessThanEqual(glm::max(-box.lower, box.upper), dvec3(kMaxCoordinate)))) {
-      fail(ExitCode::kInput, "{}: reaches beyond {:.0e} m", scene_.source, kMaxCoordinate);
-    }
-    std::uint64_t inBatch = 0, badFaces = 0, firstBad = 0;
+    std::uint64_t inBatch = 0, badFaces = 0, firstBad = 0, smallFaces = 0;
     std::size_t at = layout_.vertexStart + layout_.vertices * layout_.stride;
     for (std::uint64_t face = 0; face < layout_.faces; ++face) {
       if (face == 0 || inBatch >= kTriangles) {
         starts_.push_back({at, face});
         inBatch = 0;
       }
-      if (at >= size) cut();
-      const std::uint32_t corners = map_.data()[at];
-      if (4ull * corners >= size - at) cut();
+      if (layout_.countBytes > bytes - at) cut();
+      const std::uint32_t corners = cornersAt(at);
+      if (4ull * corners > bytes - at - layout_.countBytes) cut();
       const bool good = cornersExist(at, corners);
+      if (corners < 3) ++smallFaces;
       if (!good && badFaces++ == 0) firstBad = face;
       const std::uint64_t fan = good && corners > 2 ? corners - 2 : 0;
       triangles_ += fan;
       inBatch += fan;
-      at += 1 + 4ull * corners;
-      if (face % (std::uint64_t{1} << 24) == 0) map_.forget();
+      at += layout_.countBytes + 4ull * corners;
+      if (face % (std::uint64_t{1} << 20) == 0) forget();
     }
-    map_.forget();
+    forget();
+    if (smallFaces > 0) {
+      scene_.replaced.add(fmt::format("{}: {} faces with fewer than 3 corners are left out",
+                                      scene_.source, smallFaces),
+                          smallFaces);
+    }
     if (badFaces == 0) return;
     scene_.replaced.add(
         fmt::format("{}: face {} refers to vertices that are not among the {}; {} such faces are "
@@ -265,12 +256,11 @@ class PlyStream : public TriangleStream {
         badFaces);
   }
 
-  MappedFile map_;
+  std::unique_ptr<MappedFile> map_;
+  GrowingArray<std::uint8_t> converted_;
   PlyLayout layout_;
-  SourceFile source_;
-  std::string options_;  ///< of the import, as text
-  dmat4 toWorld_;
-  glm::mat3 turn_;  ///< of directions
+  ImportOptions options_;
+  Placement placed_;
   Scene scene_;
   Box3d bounds_;
   std::uint64_t triangles_ = 0;
@@ -284,11 +274,14 @@ std::unique_ptr<TriangleStream> openPlyStream(const std::filesystem::path& path,
                                               const ImportOptions& options) {
   static_assert(std::endian::native == std::endian::little);
   PlyLayout layout;
-  if (path.extension() != ".ply" || !std::filesystem::is_regular_file(path) ||
-      !readLayout(path, layout)) {
-    return nullptr;
+  if (path.extension() != ".ply" || !std::filesystem::is_regular_file(path)) return nullptr;
+  Scene scene;
+  GrowingArray<std::uint8_t> converted(scratchFolder(options));
+  if (!readLayout(path, layout)) {
+    layout = {};
+    if (!convertPly(path, scene, layout, converted)) return nullptr;
   }
-  return std::make_unique<PlyStream>(path, layout, options);
+  return std::make_unique<PlyStream>(path, layout, std::move(converted), std::move(scene), options);
 }
 
 }  // namespace trex::detail

@@ -7,7 +7,7 @@
 #include "src/scene/import_detail.h"
 #include "src/scene/mapped_file.h"
 #include "src/scene/stl_file.h"
-#include "src/scene/triangle_stream.h"
+#include "src/scene/streamed.h"
 
 namespace trex::detail {
 namespace {
@@ -15,13 +15,8 @@ namespace {
 class StlStream : public TriangleStream {
  public:
   StlStream(const std::filesystem::path& path, const StlKind& kind, const ImportOptions& options)
-      : map_(path),
-        triangles_(kind.triangles),
-        source_(examineSource(path)),
-        options_(options.key()),
-        toWorld_(options.toWorld()) {
-    scene_.source = path.string();
-    scene_.files = {source_};
+      : map_(path), triangles_(kind.triangles), options_(options), placed_(options) {
+    beginStreamed(scene_, path);
     if (kStlHeader + kStlTriangle * triangles_ > map_.size()) {
       fail(ExitCode::kInput, "{}: the file ends early", scene_.source);
     }
@@ -36,9 +31,7 @@ class StlStream : public TriangleStream {
                       scene_.source, kind.said, kind.triangles));
     }
     noteNoUnit(scene_, "STL", path, options);
-    if (!bounds_.empty()) scene_.cameras.push_back(framingCamera(bounds_));
-    addDefaultLightAndCamera(scene_, options.environmentGiven);
-    tellReplaced(scene_, options.strict);
+    finishStreamed(scene_, options, bounds_);
   }
   const Scene& scene() const override { return scene_; }
   Box3d bounds() const override { return bounds_; }
@@ -46,10 +39,7 @@ class StlStream : public TriangleStream {
   std::uint64_t batchCount() const override {
     return (triangles_ + kBatchTriangles - 1) / kBatchTriangles;
   }
-  std::string key() const override {
-    return fmt::format("{}|{}|{}{}", source_.path, source_.bytes, source_.modifiedNanoseconds,
-                       options_);
-  }
+  std::string key() const override { return streamKey(scene_, options_); }
 
   void batch(std::uint64_t number, TriangleBatch& out) const override {
     out.clear();
@@ -69,7 +59,7 @@ class StlStream : public TriangleStream {
   dvec3 corner(std::uint64_t triangle, int k) const {
     vec3 p;
     std::memcpy(&p.x, map_.data() + kStlHeader + kStlTriangle * triangle + 12 * (k + 1), 12);
-    return dvec3(toWorld_ * glm::dvec4(dvec3(p), 1.0));
+    return placed_.point(dvec3(p));
   }
 
   void measure() {
@@ -81,17 +71,12 @@ class StlStream : public TriangleStream {
       if (t % (std::uint64_t{1} << 20) == 0) map_.forget();
     }
     map_.forget();
-    if (!bounds_.empty() && !glm::all(glm::lessThanEqual(glm::max(-bounds_.lower, bounds_.upper),
-                                                         dvec3(kMaxCoordinate)))) {
-      fail(ExitCode::kInput, "{}: reaches beyond {:.0e} m", scene_.source, kMaxCoordinate);
-    }
   }
 
   MappedFile map_;
   std::uint64_t triangles_ = 0;
-  SourceFile source_;
-  std::string options_;  ///< of the import, as text
-  dmat4 toWorld_;
+  ImportOptions options_;
+  Placement placed_;
   Scene scene_;
   Box3d bounds_;
   mutable std::atomic<std::uint64_t> reads_{0};

@@ -4,6 +4,7 @@
 #include <map>
 
 #include "src/scene/import_detail.h"
+#include "src/scene/streamed.h"
 #include "src/scene/synth.h"
 
 namespace trex {
@@ -12,8 +13,7 @@ namespace {
 /// A scene's instances, cut into batches.
 class SceneStream : public TriangleStream {
  public:
-  /// `options` are those of the import, as text.
-  explicit SceneStream(Scene scene, std::string options = {})
+  explicit SceneStream(Scene scene, ImportOptions options = {})
       : scene_(std::move(scene)), options_(std::move(options)), bounds_(scene_.bounds()) {
     for (std::size_t i = 0; i < scene_.instances.size(); ++i) {
       const std::size_t count = meshOf(i).triangles.size();
@@ -27,13 +27,7 @@ class SceneStream : public TriangleStream {
   Box3d bounds() const override { return bounds_; }
   std::uint64_t triangleCount() const override { return triangles_; }
   std::uint64_t batchCount() const override { return pieces_.size(); }
-  std::string key() const override {
-    std::string key = scene_.source + options_;
-    for (const SourceFile& f : scene_.files) {
-      key += fmt::format("|{}|{}|{}", f.path, f.bytes, f.modifiedNanoseconds);
-    }
-    return key;
-  }
+  std::string key() const override { return detail::streamKey(scene_, options_); }
   StreamAttributes attributes() const override {
     StreamAttributes a;
     for (const Mesh& m : scene_.meshes) {
@@ -63,7 +57,7 @@ class SceneStream : public TriangleStream {
   }
 
   Scene scene_;
-  std::string options_;
+  ImportOptions options_;
   Box3d bounds_;
   std::uint64_t triangles_ = 0;
   std::vector<Piece> pieces_;
@@ -161,7 +155,8 @@ std::unique_ptr<TriangleStream> openTriangleStream(const std::filesystem::path& 
   if (isSynthName(path.string())) return openSynth(path.string());
   if (auto stream = detail::openPlyStream(path, options)) return stream;
   if (auto stream = detail::openStlStream(path, options)) return stream;
-  return std::make_unique<SceneStream>(importScene(path, options), options.key());
+  if (auto stream = detail::openObjStream(path, options)) return stream;
+  return std::make_unique<SceneStream>(importScene(path, options), options);
 }
 
 }  // namespace trex

@@ -8,6 +8,7 @@
 #include "src/core/error.h"
 #include "src/core/log.h"
 #include "src/scene/import.h"
+#include "src/scene/triangle_stream.h"
 
 namespace trex::fuzz {
 namespace {
@@ -95,6 +96,33 @@ void importAndCheck(const std::filesystem::path& path, const std::string& animat
     return;
   }
   checkScene(scene);
+}
+
+void streamAndCheck(const std::filesystem::path& path) {
+  setLogLevel(LogLevel::kQuiet);
+  try {
+    const auto stream = openTriangleStream(path, {.loadTextures = false});
+    const Scene& scene = stream->scene();
+    TriangleBatch batch;
+    std::uint64_t triangles = 0;
+    for (std::uint64_t b = 0; b < stream->batchCount(); ++b) {
+      stream->batch(b, batch);
+      const std::size_t corners = batch.positions.size();
+      require(batch.normals.empty() || batch.normals.size() == corners);
+      require(batch.texCoords.empty() || batch.texCoords.size() == corners);
+      require(batch.colors.empty() || batch.colors.size() == corners);
+      std::size_t inRuns = 0;
+      for (const TriangleBatch::Run& run : batch.runs) {
+        require(run.material < scene.materials.size() && run.object < scene.objects.size());
+        inRuns += run.triangles;
+      }
+      require(inRuns == batch.triangles());
+      triangles += inRuns;
+    }
+    require(triangles == stream->triangleCount());
+  } catch (const Error& error) {
+    require(error.code() == ExitCode::kInput);
+  }
 }
 
 std::pair<Bytes, Bytes> split(Bytes bytes, std::string_view separator) {

@@ -1,7 +1,9 @@
-// Any bytes as a .ply file.
+// Any bytes as a .ply file, imported and streamed.
 #include "tests/fuzz/fuzz.h"
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
-  trex::fuzz::importAndCheck(trex::fuzz::writeInput("input.ply", {data, size}));
+  const auto path = trex::fuzz::writeInput("input.ply", {data, size});
+  trex::fuzz::importAndCheck(path);
+  trex::fuzz::streamAndCheck(path);
   return 0;
 }
