@@ -74,6 +74,10 @@ void addImportOptions(CLI::App& command, ImportOptions& options) {
   command.add_option("--at", options.atSeconds, "Seconds into --animation")
       ->check(CLI::Range(-1e9, 1e9))
       ->capture_default_str();
+  command
+      .add_option("-D,--define", options.defines,
+                  "NAME=VALUE of a parameter of Mitsuba's .xml; may be repeated")
+      ->allow_extra_args(false);
   command.add_flag("--strict", options.strict,
                    "A part of the model that can't be shown as it is (a missing texture, a broken "
                    "index) is an error, not a warning");

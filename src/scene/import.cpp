@@ -75,7 +75,8 @@ void checkReadable(const std::filesystem::path& path) {
   }
   if (!std::filesystem::exists(status)) fail(ExitCode::kInput, "{}: no such file", name);
   if (std::filesystem::is_directory(status)) {
-    fail(ExitCode::kInput, "{}: is a folder; give a .gltf, .glb, .ply, .obj or .stl file", name);
+    fail(ExitCode::kInput, "{}: is a folder; give a .gltf, .glb, .ply, .obj, .stl or .xml file",
+         name);
   }
   if (!std::filesystem::is_regular_file(status)) {
     fail(ExitCode::kInput,
@@ -85,6 +86,11 @@ void checkReadable(const std::filesystem::path& path) {
   if (std::filesystem::file_size(path, error) == 0) {
     fail(ExitCode::kInput, "{}: the file is empty", name);
   }
+}
+
+void refuseDefines(const std::filesystem::path& path, const ImportOptions& options) {
+  if (options.defines.empty()) return;
+  fail(ExitCode::kUsage, "{}: -D is of Mitsuba's .xml alone", path.string());
 }
 
 Scene readByExtension(const std::filesystem::path& path, const ImportOptions& options) {
@@ -99,12 +105,21 @@ Scene readByExtension(const std::filesystem::path& path, const ImportOptions& op
       fail(ExitCode::kUsage, "{}: glTF is in metres with y up; --unit and --up are for others",
            path.string());
     }
+    refuseDefines(path, options);
     return detail::readGltf(path, options);
   }
   if (!options.scene.empty() || !options.variant.empty() || !options.animation.empty()) {
     fail(ExitCode::kUsage, "{}: --scene, --variant and --animation are of glTF alone",
          path.string());
   }
+  if (extension == ".xml") {
+    if (options.unit != 1.0 || options.zUp) {
+      fail(ExitCode::kUsage, "{}: a scene places its parts; --unit and --up are for others",
+           path.string());
+    }
+    return detail::readMitsuba(path, options);
+  }
+  refuseDefines(path, options);
   if (extension == ".ply") return detail::readPly(path, options);
   if (extension == ".obj") return detail::readObj(path, options);
   if (extension == ".stl") return detail::readStl(path, options);
@@ -123,7 +138,8 @@ Scene readByExtension(const std::filesystem::path& path, const ImportOptions& op
     return scene;
   }
   fail(ExitCode::kInput,
-       "{}: unknown extension '{}'; .gltf, .glb, .ply, .obj, .stl and what assimp knows (.fbx, "
+       "{}: unknown extension '{}'; .gltf, .glb, .ply, .obj, .stl, .xml (Mitsuba) and what assimp "
+       "knows (.fbx, "
        ".dae, .3ds, .3mf, ...) can be read",
        path.string(), extension);
 }
@@ -158,6 +174,7 @@ std::string ImportOptions::key() const {
   if (unit != 1.0) text += fmt::format(" unit {}", unit);
   if (zUp) text += " z up";
   if (!scene.empty()) text += " scene " + scene;
+  for (const std::string& define : defines) text += " -D " + define;
   if (!variant.empty()) text += " variant " + variant;
   if (!animation.empty()) text += fmt::format(" animation {} at {}", animation, atSeconds);
   return text;

@@ -46,6 +46,11 @@ struct ImportOptions {
   /// and materials, and the rest pose.
   std::string scene{}, variant{}, animation{};
   double atSeconds = 0.0;
+  /// Of Mitsuba's XML, Error(kUsage) with others: NAME=VALUE of its parameters.
+  std::vector<std::string> defines{};
+  /// Of a mesh file that a scene file names: triangles, normals and all texture coordinates;
+  /// neither materials nor groups nor smoothing.
+  bool geometryOnly = false;
 
   /// What decides the scene besides the files, as a text; empty if all is as it is without options.
   std::string key() const;

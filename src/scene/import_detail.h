@@ -31,6 +31,7 @@ bool knowsItsUnit(const std::string& extension);
 Scene readPly(const std::filesystem::path& path, const ImportOptions& options);
 Scene readStl(const std::filesystem::path& path, const ImportOptions& options);
 Scene readPbrt(const std::filesystem::path& path, const ImportOptions& options);
+Scene readMitsuba(const std::filesystem::path& path, const ImportOptions& options);
 Scene readObj(const std::filesystem::path& path, const ImportOptions& options);
 
 /// A binary STL file as a stream that maps it; null for other files.

@@ -51,6 +51,8 @@ void ObjReader::readStatement(std::string_view keyword, std::string_view line) {
     readNormal(line);
   } else if (keyword == "vt") {
     readTexCoord(line);
+  } else if (options_.geometryOnly) {
+    return;
   } else if (keyword == "usemtl") {
     useMaterial(line);
   } else if (keyword == "o") {
