@@ -18,14 +18,14 @@ double meanOverPairs(const std::function<double(double in, double out, double ha
   constexpr int kSteps = 24;
   double sum = 0.0;
   for (int i = 0; i < kSteps; ++i) {
-    const double in = std::sqrt((i + 0.5) / kSteps);
+    const double in = (i + 0.5) / kSteps;
     for (int o = 0; o < kSteps; ++o) {
-      const double out = std::sqrt((o + 0.5) / kSteps);
+      const double out = (o + 0.5) / kSteps;
       for (int p = 0; p < kSteps; ++p) {
         const double phi = std::numbers::pi * (p + 0.5) / kSteps;
         const double dot =
             in * out + std::sqrt((1.0 - in * in) * (1.0 - out * out)) * std::cos(phi);
-        sum += value(in, out, std::sqrt(std::max(0.0, 0.5 * (1.0 + dot))));
+        sum += 4.0 * in * out * value(in, out, std::sqrt(std::max(0.0, 0.5 * (1.0 + dot))));
       }
     }
   }

@@ -1,0 +1,612 @@
+// Mitsuba scenes: each directive with its right value, and bad input.
+#include <zlib.h>
+
+#include <numbers>
+
+#include "src/scene/fresnel.h"
+#include "src/scene/layered.h"
+#include "src/scene/mitsuba_xml.h"
+#include "tests/unit/scene_helpers.h"
+
+namespace trex::test {
+namespace {
+
+class Mitsuba : public SceneTest {
+ protected:
+  /// A scene of this text and a rectangle, unless it has a shape.
+  Scene read(const std::string& text, const ImportOptions& options = {},
+             const char* version = "3.0.0") {
+    const bool bare = text.find("<shape") == text.npos;
+    return import("scene.xml",
+                  std::string("<scene version=\"") + version + "\">\n" + text +
+                      (bare ? "<shape type=\"rectangle\"/>" : "") + "\n</scene>\n",
+                  options);
+  }
+  /// The material of a rectangle with this bsdf.
+  Material material(const std::string& bsdf, const char* version = "3.0.0") {
+    const Scene s = read("<shape type=\"rectangle\">" + bsdf + "</shape>", {}, version);
+    return s.materials.at(s.meshes.at(s.instances.at(0).mesh).material);
+  }
+  std::string refusal(const std::string& xml, const ImportOptions& options = {},
+                      ExitCode code = ExitCode::kInput) {
+    try {
+      import("scene.xml", xml, options);
+    } catch (const Error& e) {
+      EXPECT_EQ(e.code(), code);
+      return e.what();
+    }
+    ADD_FAILURE() << "was accepted";
+    return "";
+  }
+};
+
+void expectNear(const vec3& a, const vec3& b, float tolerance = 1e-5f) {
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(a[c], b[c], tolerance) << "channel " << c;
+}
+
+bool says(const std::vector<std::string>& texts, const std::string& what) {
+  for (const std::string& t : texts) {
+    if (t.find(what) != t.npos) return true;
+  }
+  return false;
+}
+
+dvec3 place(const Scene& s, const dvec3& p) {
+  return dvec3(s.instances.at(0).transform * glm::dvec4(p, 1.0));
+}
+
+std::string shapeAt(const std::string& transform) {
+  return "<shape type=\"rectangle\"><transform name=\"to_world\">" + transform +
+         "</transform></shape>";
+}
+
+TEST_F(Mitsuba, TransformsAreAppliedInTheirOrder) {
+  Scene s =
+      read(shapeAt("<scale value=\"2\"/><rotate z=\"1\" angle=\"90\"/>"
+                   "<translate x=\"1\" y=\"2\" z=\"3\"/>"));
+  expectNear(vec3(place(s, {1, 0, 0})), {1, 4, 3});
+  s = read(shapeAt("<translate value=\"1, 2, 3\"/><scale x=\"2\" y=\"3\"/>"));
+  expectNear(vec3(place(s, {0, 0, 0})), {2, 6, 3});
+  s = read(shapeAt("<matrix value=\"1 0 0 5  0 2 0 6  0 0 1 7  0 0 0 1\"/>"));
+  expectNear(vec3(place(s, {1, 1, 0})), {6, 8, 7});
+  s = read(shapeAt("<lookat origin=\"0,0,5\" target=\"0,0,0\" up=\"0,1,0\"/>"));
+  expectNear(vec3(place(s, {0, 0, 1})), {0, 0, 4});  // its z axis points to the target
+  expectNear(vec3(place(s, {1, 0, 0})), {-1, 0, 5});
+}
+
+TEST_F(Mitsuba, ShapesHaveTheirSizes) {
+  const auto boundsOf = [&](const std::string& shape) { return read(shape).bounds(); };
+  Box3d b = boundsOf(
+      "<shape type=\"sphere\"><point name=\"center\" x=\"1\" y=\"0\" z=\"0\"/>"
+      "<float name=\"radius\" value=\"2\"/></shape>");
+  EXPECT_NEAR(b.lower.x, -1.0, 2e-3);
+  EXPECT_NEAR(b.upper.z, 2.0, 2e-3);
+  b = boundsOf("<shape type=\"cube\"/>");
+  expectNear(vec3(b.size()), vec3(2.0f));
+  b = boundsOf("<shape type=\"disk\"/>");
+  EXPECT_NEAR(b.upper.x, 1.0, 1e-3);
+  EXPECT_EQ(b.size().z, 0.0);
+  b = boundsOf(
+      "<shape type=\"cylinder\"><point name=\"p0\" value=\"0,1,0\"/>"
+      "<point name=\"p1\" value=\"0,4,0\"/><float name=\"radius\" value=\"0.5\"/></shape>");
+  EXPECT_NEAR(b.lower.y, 1.0, 1e-6);
+  EXPECT_NEAR(b.upper.y, 4.0, 1e-6);
+  EXPECT_NEAR(b.upper.x, 0.5, 1e-3);
+}
+
+TEST_F(Mitsuba, FlippedNormalsTurnTheFront) {
+  const auto front = [&](const std::string& inside) {
+    const Scene s = read("<shape type=\"rectangle\">" + inside + "</shape>");
+    const Mesh& m = s.meshes.at(0);
+    const glm::uvec3 t = m.triangles[0];
+    const vec3 a = m.positions[t.x];
+    return glm::cross(m.positions[t.y] - a, m.positions[t.z] - a).z;
+  };
+  EXPECT_GT(front(""), 0.0f);
+  EXPECT_LT(front("<boolean name=\"flip_normals\" value=\"true\"/>"), 0.0f);
+  EXPECT_LT(front("<boolean name=\"flipNormals\" value=\"true\"/>"), 0.0f);
+}
+
+TEST_F(Mitsuba, ObjectFilesOneMeshSmoothUnlessToldOtherwise) {
+  write("two.obj",
+        "o a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0.25\nusemtl x\ns 1\nf 1/1 2/1 3/1\n"
+        "o b\nf 1/1 4/1 2/1\n");
+  const std::string file = "<string name=\"filename\" value=\"two.obj\"/>";
+  Scene s = read("<shape type=\"obj\">" + file + "</shape>");
+  ASSERT_EQ(s.meshes.size(), 1u);
+  EXPECT_EQ(s.meshes[0].triangles.size(), 2u);
+  EXPECT_NEAR(s.meshes[0].texCoords.at(0).y, 0.75f, 1e-6f);
+  // Two faces of right angles at the shared edge: the mean of +z and -y... of their normals.
+  expectNear(s.meshes[0].normals.at(0), glm::normalize(vec3(0, 1, 1)), 1e-5f);
+  s = read("<shape type=\"obj\">" + file +
+           "<boolean name=\"face_normals\" value=\"true\"/></shape>");
+  EXPECT_TRUE(s.meshes.at(0).normals.empty());
+  s = read("<shape type=\"obj\">" + file + "<float name=\"maxSmoothAngle\" value=\"30\"/></shape>");
+  EXPECT_EQ(s.meshes.at(0).normals.size(), 6u);
+  expectNear(s.meshes[0].normals[0], {0, 0, 1});
+  s = read("<shape type=\"obj\">" + file +
+           "<boolean name=\"flip_tex_coords\" value=\"false\"/></shape>");
+  EXPECT_NEAR(s.meshes.at(0).texCoords.at(0).y, 0.25f, 1e-6f);
+}
+
+TEST_F(Mitsuba, PlyKeepsItsTextureCoordinates) {
+  write("one.ply",
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+        "property float z\nproperty float u\nproperty float v\nelement face 1\n"
+        "property list uchar int vertex_indices\nend_header\n0 0 0 0 0.25\n1 0 0 0 0.25\n"
+        "0 1 0 0 0.25\n3 0 1 2\n");
+  const Scene s = read("<shape type=\"ply\"><string name=\"filename\" value=\"one.ply\"/></shape>");
+  EXPECT_NEAR(s.meshes.at(0).texCoords.at(0).y, 0.25f, 1e-6f);
+  expectNear(s.meshes[0].normals.at(0), {0, 0, 1});
+}
+
+/// A serialized file of two meshes, one triangle each at z = its number.
+std::string serialized(std::uint16_t version, bool wide) {
+  std::string file;
+  std::vector<std::uint64_t> starts;
+  const auto put = [](std::string& to, auto value) {
+    to.append(reinterpret_cast<const char*>(&value), sizeof(value));
+  };
+  for (int number = 0; number < 2; ++number) {
+    std::string raw;
+    put(raw, std::uint32_t(wide ? 0x2000 : 0x1000) | 0x2u);
+    if (version == 4) raw += std::string("name\0", 5);
+    put(raw, std::uint64_t{3});
+    put(raw, std::uint64_t{1});
+    const double numbers[] = {
+        0, 0, double(number), 1, 0, double(number), 0, 1, double(number), 0, 0.25, 1, 0.25, 0, 0.5};
+    for (const double n : numbers) wide ? put(raw, n) : put(raw, float(n));
+    for (const std::uint32_t i : {0u, 1u, 2u}) put(raw, i);
+    std::string packed(compressBound(raw.size()), '\0');
+    uLongf size = packed.size();
+    compress(reinterpret_cast<Bytef*>(packed.data()), &size,
+             reinterpret_cast<const Bytef*>(raw.data()), raw.size());
+    starts.push_back(file.size());
+    put(file, std::uint16_t{0x041c});
+    put(file, version);
+    file += packed.substr(0, size);
+  }
+  for (const std::uint64_t s : starts) {
+    version == 4 ? put(file, s) : put(file, std::uint32_t(s));
+  }
+  put(file, std::uint32_t{2});
+  return file;
+}
+
+TEST_F(Mitsuba, SerializedMeshesOfBothVersions) {
+  for (const std::uint16_t version : {std::uint16_t{3}, std::uint16_t{4}}) {
+    for (const bool wide : {false, true}) {
+      write("m.serialized", serialized(version, wide));
+      const Scene s = read(
+          "<shape type=\"serialized\"><string name=\"filename\" value=\"m.serialized\"/>"
+          "<integer name=\"shapeIndex\" value=\"1\"/></shape>");
+      ASSERT_EQ(s.triangleCount(), 1u);
+      EXPECT_EQ(s.bounds().lower.z, 1.0);
+      EXPECT_FLOAT_EQ(s.meshes[0].texCoords.at(2).y, 0.5f);
+    }
+  }
+}
+
+TEST_F(Mitsuba, SerializedMeshesThatLie) {
+  const std::string good = serialized(4, false);
+  const std::string text =
+      "<scene version=\"3.0.0\"><shape type=\"serialized\">"
+      "<string name=\"filename\" value=\"m.serialized\"/>";
+  const auto refused = [&](const std::string& bytes, const std::string& more = "") {
+    write("m.serialized", bytes);
+    return refusal(text + more + "</shape></scene>");
+  };
+  EXPECT_NE(refused(good, "<integer name=\"shape_index\" value=\"2\"/>").find("holds 2 meshes"),
+            std::string::npos);
+  EXPECT_NE(refused("plainly no mesh").find("is no serialized mesh"), std::string::npos);
+  for (std::size_t cut = 8; cut < good.size(); cut += 7) {
+    EXPECT_NE(refused(good.substr(0, cut)), "") << cut;
+  }
+}
+
+TEST_F(Mitsuba, GroupsArePlacedByTheirInstances) {
+  std::string text =
+      "<shape type=\"shapegroup\" id=\"g\"><shape type=\"cube\"><transform name=\"to_world\">"
+      "<translate x=\"1\"/></transform></shape><shape type=\"sphere\"/></shape>";
+  for (int i = 0; i < 3; ++i) {
+    text += "<shape type=\"instance\"><ref id=\"g\"/><transform name=\"to_world\"><translate y=\"" +
+            std::to_string(10 * i) + "\"/></transform></shape>";
+  }
+  const Scene s = read(text);
+  EXPECT_EQ(s.meshes.size(), 2u);
+  ASSERT_EQ(s.instances.size(), 6u);
+  expectNear(vec3(s.instances[4].transform[3]), {1, 20, 0});
+  EXPECT_EQ(s.objects.size(), 3u);
+}
+
+TEST_F(Mitsuba, EqualShapesShareTheirTriangles) {
+  const Scene s = read(
+      "<bsdf type=\"diffuse\" id=\"a\"/><bsdf type=\"diffuse\" id=\"b\"/>"
+      "<shape type=\"sphere\"><ref id=\"a\"/></shape><shape type=\"sphere\"><ref id=\"a\"/></shape>"
+      "<shape type=\"sphere\"><ref id=\"b\"/></shape>");
+  ASSERT_EQ(s.meshes.size(), 2u);
+  EXPECT_EQ(s.meshes[1].sameGeometryAs, 0);
+  EXPECT_EQ(s.instances.size(), 3u);
+}
+
+TEST_F(Mitsuba, DiffuseIsLambertian) {
+  Material m = material(
+      "<bsdf type=\"twosided\"><bsdf type=\"diffuse\"><rgb name=\"reflectance\" "
+      "value=\"0.1, 0.2, 0.3\"/></bsdf></bsdf>");
+  expectNear(vec3(m.baseColor), {0.1f, 0.2f, 0.3f});
+  EXPECT_EQ(m.specular, 0.0f);
+  EXPECT_EQ(m.metallic, 0.0f);
+  m = material("<bsdf type=\"diffuse\"/>");
+  expectNear(vec3(m.baseColor), vec3(0.5f));
+  expectNear(vec3(material("").baseColor), vec3(0.5f));
+}
+
+TEST_F(Mitsuba, ColoursOfEachKind) {
+  const auto color = [&](const std::string& value) {
+    return vec3(material("<bsdf type=\"diffuse\">" + value + "</bsdf>").baseColor);
+  };
+  expectNear(color("<rgb name=\"reflectance\" value=\"0.25\"/>"), vec3(0.25f));
+  expectNear(color("<spectrum name=\"reflectance\" value=\"0.25\"/>"), vec3(0.25f));
+  expectNear(color("<float name=\"reflectance\" value=\"0.25\"/>"), vec3(0.25f));
+  expectNear(color("<rgb name=\"reflectance\" value=\"#ff8000\"/>"),
+             {1.0f, decodeSrgb8(0x80), 0.0f});
+  expectNear(color("<srgb name=\"reflectance\" value=\"1 0.5 0\"/>"), {1.0f, decodeSrgb(0.5f), 0});
+  expectNear(color("<spectrum name=\"reflectance\" value=\"300:0.25, 900:0.25\"/>"), vec3(0.25f),
+             1e-4f);
+  write("grey.spd", "# nm value\n300 0.25\n900 0.25\n");
+  expectNear(color("<spectrum name=\"reflectance\" filename=\"grey.spd\"/>"), vec3(0.25f), 1e-4f);
+}
+
+TEST_F(Mitsuba, GlassHasItsIndex) {
+  Material m = material("<bsdf type=\"dielectric\"/>");
+  EXPECT_NEAR(m.ior, 1.5046f / 1.000277f, 1e-5f);
+  EXPECT_EQ(m.transmission, 1.0f);
+  EXPECT_TRUE(m.volume);
+  EXPECT_EQ(m.roughness, 0.0f);
+  m = material(
+      "<bsdf type=\"roughdielectric\"><string name=\"intIOR\" value=\"water\"/>"
+      "<float name=\"extIOR\" value=\"1\"/><float name=\"alpha\" value=\"0.25\"/></bsdf>");
+  EXPECT_NEAR(m.ior, 1.333f, 1e-5f);
+  EXPECT_NEAR(m.roughness, 0.5f, 1e-6f);
+  EXPECT_FALSE(material("<bsdf type=\"thindielectric\"/>").volume);
+}
+
+TEST_F(Mitsuba, AMediumInGlassAbsorbs) {
+  const Scene s = read(
+      "<shape type=\"sphere\"><bsdf type=\"dielectric\"/><medium type=\"homogeneous\" "
+      "name=\"interior\"><rgb name=\"albedo\" value=\"0\"/><rgb name=\"sigma_t\" "
+      "value=\"0.5, 0.2, 0\"/></medium></shape>");
+  const Material& m = s.materials.at(0);
+  // Beer and Lambert, over 3 m.
+  for (int c = 0; c < 3; ++c) {
+    const float sigma = vec3(0.5f, 0.2f, 0.0f)[c];
+    EXPECT_NEAR(std::pow(m.attenuationColor[c], 3.0f / m.attenuationDistance),
+                std::exp(-3.0f * sigma), 1e-5f);
+  }
+}
+
+TEST_F(Mitsuba, MetalsReflectTheirMean) {
+  Material m = material(
+      "<bsdf type=\"roughconductor\"><string name=\"material\" value=\"Au\"/>"
+      "<float name=\"alpha\" value=\"0.04\"/><string name=\"distribution\" value=\"ggx\"/></bsdf>");
+  EXPECT_EQ(m.metallic, 1.0f);
+  EXPECT_NEAR(m.roughness, 0.2f, 1e-6f);
+  expectNear(vec3(m.baseColor), detail::conductorNamed("Au")->meanReflectance());
+  m = material(
+      "<bsdf type=\"conductor\"><rgb name=\"eta\" value=\"1.5\"/><rgb name=\"k\" value=\"2\"/>"
+      "<rgb name=\"specular_reflectance\" value=\"0.5\"/></bsdf>");
+  EXPECT_NEAR(m.baseColor.x, 0.5 * detail::meanReflectance({1.5, 2.0}), 1e-5);
+  expectNear(vec3(material("<bsdf type=\"conductor\"/>").baseColor), vec3(1.0f));
+  expectNear(vec3(material("<bsdf type=\"conductor\"/>", "0.6.0").baseColor),
+             detail::conductorNamed("Cu")->meanReflectance());
+}
+
+TEST_F(Mitsuba, PlasticKeepsItsAlbedo) {
+  const Material m = material(
+      "<bsdf type=\"plastic\"><float name=\"int_ior\" value=\"1.5\"/><float name=\"ext_ior\" "
+      "value=\"1\"/><boolean name=\"nonlinear\" value=\"true\"/>"
+      "<rgb name=\"diffuse_reflectance\" value=\"0.2, 0.5, 0.8\"/></bsdf>");
+  // Inside, 0.596 of diffuse light is reflected back; 0.908 gets in, and 0.404 of it out.
+  for (int c = 0; c < 3; ++c) {
+    const double d = double(vec3(0.2f, 0.5f, 0.8f)[c]);
+    const double albedo = 0.9082 * 0.4036 * d / (1.0 - 0.5964 * d);
+    EXPECT_NEAR(m.baseColor[c] * detail::diffuseShare(1.5), albedo, 2e-3);
+  }
+  EXPECT_EQ(m.roughness, 0.0f);
+  EXPECT_EQ(m.specular, 1.0f);
+}
+
+TEST_F(Mitsuba, LayersInClosedForm) {
+  // Schlick's weight over the half vector of two diffuse directions lies between its value at the
+  // mean and 1/21 of one direction alone.
+  const double share = detail::diffuseShare(1.5);
+  EXPECT_LT(share, 0.96);
+  EXPECT_GT(share, 0.96 * (1.0 - 1.0 / 21.0));
+  // No interface: all of the light gets in and out.
+  const detail::PlasticGround bare(1.0, true);
+  EXPECT_NEAR(bare.albedo(0.7), 0.7, 1e-3);
+  // White without absorption: what does not get out is reflected outside.
+  const detail::PlasticGround white(1.5, true);
+  EXPECT_NEAR(white.albedo(1.0), 1.0 - detail::meanReflectance(1.5), 1e-3);
+  // Disney's lobe without retroreflection is (1 - 0.5/21)^2 of a Lambertian one.
+  EXPECT_NEAR(detail::disneyDiffuseAlbedo(0.0), std::pow(1.0 - 0.5 / 21.0, 2.0), 1e-3);
+}
+
+TEST_F(Mitsuba, PrincipledByItsNumbers) {
+  const Material m = material(
+      "<bsdf type=\"principled\"><rgb name=\"base_color\" value=\"0.5\"/>"
+      "<float name=\"metallic\" value=\"1\"/><float name=\"roughness\" value=\"0.3\"/>"
+      "<float name=\"clearcoat\" value=\"1\"/></bsdf>");
+  EXPECT_EQ(m.metallic, 1.0f);
+  EXPECT_FLOAT_EQ(m.roughness, 0.3f);
+  EXPECT_NEAR(m.ior, 1.5f, 1e-5f);
+  EXPECT_NEAR(m.baseColor.x, 0.5 + 0.5 / 21.0, 1e-5);  // the mean of Schlick's reflectance
+}
+
+TEST_F(Mitsuba, MasksCoverByTheirOpacity) {
+  const Material m = material(
+      "<bsdf type=\"mask\"><float name=\"opacity\" value=\"0.25\"/><bsdf "
+      "type=\"diffuse\"/></bsdf>");
+  EXPECT_EQ(m.alphaMode, AlphaMode::kBlend);
+  EXPECT_FLOAT_EQ(m.baseColor.a, 0.25f);
+}
+
+TEST_F(Mitsuba, NullSurfacesAreNotThere) {
+  const Scene s =
+      read("<shape type=\"sphere\"><bsdf type=\"null\"/></shape><shape type=\"rectangle\"/>");
+  EXPECT_EQ(s.triangleCount(), 2u);
+}
+
+TEST_F(Mitsuba, CheckerboardsAreFourTexels) {
+  const Scene s = read(
+      "<shape type=\"rectangle\"><bsdf type=\"diffuse\"><texture name=\"reflectance\" "
+      "type=\"checkerboard\"><rgb name=\"color0\" value=\"0.8\"/><rgb name=\"color1\" "
+      "value=\"0.1\"/><transform name=\"to_uv\"><scale x=\"4\" y=\"2\"/></transform></texture>"
+      "</bsdf></shape>");
+  const Texture& t = s.materials.at(0).baseColorTexture;
+  const Image& image = s.images.at(t.image);
+  EXPECT_TRUE(t.nearest);
+  EXPECT_EQ(t.scale, vec2(4.0f, 2.0f));
+  EXPECT_FLOAT_EQ(image.floats[0], 0.8f);
+  EXPECT_FLOAT_EQ(image.floats[3], 0.1f);
+  EXPECT_FLOAT_EQ(image.floats[6], 0.1f);
+  EXPECT_FLOAT_EQ(image.floats[9], 0.8f);
+}
+
+TEST_F(Mitsuba, AreaLightsShineFromTheirFrontAndAreBlack) {
+  const Material m =
+      material("<emitter type=\"area\"><rgb name=\"radiance\" value=\"1, 20, 300\"/></emitter>");
+  expectNear(m.emission, {1, 20, 300});
+  expectNear(vec3(m.baseColor), vec3(0.0f));
+  EXPECT_FALSE(m.doubleSided);
+}
+
+TEST_F(Mitsuba, LightsHaveTheirUnits) {
+  const Scene s = read(
+      "<emitter type=\"point\"><point name=\"position\" x=\"1\" y=\"2\" z=\"3\"/>"
+      "<rgb name=\"intensity\" value=\"5, 6, 7\"/></emitter>"
+      "<emitter type=\"directional\"><vector name=\"direction\" x=\"0\" y=\"-2\" z=\"0\"/>"
+      "<spectrum name=\"irradiance\" value=\"3\"/></emitter>"
+      "<emitter type=\"spot\"><transform name=\"to_world\"><lookat origin=\"0,4,0\" "
+      "target=\"0,0,0\" up=\"0,0,1\"/></transform><float name=\"cutoff_angle\" value=\"30\"/>"
+      "<float name=\"beam_width\" value=\"30\"/></emitter>");
+  ASSERT_EQ(s.lights.size(), 3u);
+  expectNear(vec3(s.lights[0].position), {1, 2, 3});
+  expectNear(s.lights[0].intensity, {5, 6, 7});
+  expectNear(s.lights[1].direction, {0, -1, 0});
+  expectNear(s.lights[1].intensity, vec3(3.0f));
+  expectNear(s.lights[2].direction, {0, -1, 0});
+  expectNear(vec3(s.lights[2].position), {0, 4, 0});
+  EXPECT_NEAR(s.lights[2].outerConeAngle, kPi / 6.0f, 1e-5f);
+  EXPECT_NEAR(s.lights[2].innerConeAngle, kPi / 6.0f, 1e-2f);
+}
+
+TEST_F(Mitsuba, SpotsSendOutTheSamePower) {
+  const Scene s = read("<emitter type=\"spot\"/>");
+  const Light& l = s.lights.at(0);
+  const double outer = double(l.outerConeAngle), inner = double(l.innerConeAngle);
+  EXPECT_NEAR(outer, 20.0 * std::numbers::pi / 180.0, 1e-6);
+  double here = 0.0, there = 0.0;
+  const double beam = 0.75 * outer;
+  for (double a = 0.0; a < outer; a += 1e-5) {
+    const double x =
+        std::clamp((std::cos(a) - std::cos(outer)) / (std::cos(inner) - std::cos(outer)), 0.0, 1.0);
+    here += x * x * std::sin(a);
+    there += (a < beam ? 1.0 : (outer - a) / (outer - beam)) * std::sin(a);
+  }
+  EXPECT_NEAR(here / there, 1.0, 1e-3);
+}
+
+TEST_F(Mitsuba, SkiesAndBlackBodies) {
+  Scene s =
+      read("<emitter type=\"constant\"><rgb name=\"radiance\" value=\"0.5, 1, 2\"/></emitter>");
+  expectNear(s.environment.color, {0.5f, 1, 2});
+  s = read(
+      "<emitter type=\"constant\"><blackbody name=\"radiance\" temperature=\"3000K\" "
+      "scale=\"0.001\"/></emitter>");
+  EXPECT_NEAR(s.environment.color.x, 0.733f, 0.008f);
+}
+
+/// A map of 4 by 2 texels, red in the middle of Mitsuba's directions +z.
+TEST_F(Mitsuba, EnvironmentMapsAreTurned) {
+  std::string hdr = "#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n";
+  for (int y = 0; y < 2; ++y) {
+    for (int x = 0; x < 4; ++x) hdr += std::string({char(128), char(16 * x), 0, char(129)});
+  }
+  write("sky.hdr", hdr);
+  const std::string map =
+      "<emitter type=\"envmap\"><string name=\"filename\" value=\"sky.hdr\"/>"
+      "<float name=\"scale\" value=\"3\"/>";
+  Scene s = read(map + "</emitter>");
+  ASSERT_NE(s.environment.map, nullptr);
+  EXPECT_NEAR(s.environment.rotation, kPi, 1e-6f);
+  expectNear(s.environment.color, vec3(3.0f));
+  // Turned by 90 degrees about y, what was at +z is at +x, which is a quarter clockwise from -z.
+  s = read(map +
+           "<transform name=\"to_world\"><rotate y=\"1\" angle=\"90\"/></transform></emitter>");
+  const float turn =
+      s.environment.rotation - 2.0f * kPi * std::floor(s.environment.rotation / (2.0f * kPi));
+  EXPECT_NEAR(turn, 1.5f * kPi, 1e-5f);
+  s = read(map +
+           "<transform name=\"to_world\"><rotate x=\"1\" angle=\"90\"/></transform></emitter>");
+  EXPECT_NEAR(s.environment.rotation, kPi, 1e-6f);
+}
+
+float verticalFov(const Scene& s) { return s.cameras.at(0).verticalFov; }
+
+TEST_F(Mitsuba, FieldsOfViewByTheirAxis) {
+  const auto fov = [&](const std::string& inside) {
+    return double(verticalFov(
+        read("<sensor type=\"perspective\"><float name=\"fov\" value=\"60\"/>" + inside +
+             "<film type=\"hdrfilm\"><integer name=\"width\" value=\"200\"/>"
+             "<integer name=\"height\" value=\"100\"/></film></sensor>")));
+  };
+  const double t = std::tan(std::numbers::pi / 6.0);
+  EXPECT_NEAR(fov(""), 2.0 * std::atan(t / 2.0), 1e-6);
+  EXPECT_NEAR(fov("<string name=\"fovAxis\" value=\"y\"/>"), 2.0 * std::atan(t), 1e-6);
+  EXPECT_NEAR(fov("<string name=\"fov_axis\" value=\"smaller\"/>"), 2.0 * std::atan(t), 1e-6);
+  EXPECT_NEAR(fov("<string name=\"fov_axis\" value=\"larger\"/>"), 2.0 * std::atan(t / 2.0), 1e-6);
+  EXPECT_NEAR(fov("<string name=\"fov_axis\" value=\"diagonal\"/>"),
+              2.0 * std::atan(t / std::sqrt(5.0)), 1e-6);
+  EXPECT_NEAR(fov("<string name=\"focal_length\" value=\"50mm\"/>"),
+              2.0 * std::atan(std::hypot(36.0, 24.0) / 100.0 / std::sqrt(5.0)), 1e-6);
+}
+
+TEST_F(Mitsuba, CamerasLookAlongZ) {
+  const Scene s = read(
+      "<sensor type=\"thinlens\" id=\"one\"><transform name=\"to_world\"><lookat "
+      "origin=\"0,0,5\" target=\"0,0,0\" up=\"0,1,0\"/></transform>"
+      "<float name=\"aperture_radius\" value=\"0.1\"/><float name=\"focus_distance\" value=\"5\"/>"
+      "</sensor><sensor type=\"perspective\"/>");
+  ASSERT_EQ(s.cameras.size(), 2u);
+  EXPECT_EQ(s.cameras[0].name, "one");
+  expectNear(vec3(s.cameras[0].eye), {0, 0, 5});
+  expectNear(s.cameras[0].forward, {0, 0, -1});
+  expectNear(s.cameras[0].up, {0, 1, 0});
+  EXPECT_NEAR(s.cameras[0].lensRadius(), 0.1f, 1e-6f);
+  EXPECT_FLOAT_EQ(s.cameras[0].focus, 5.0f);
+}
+
+TEST_F(Mitsuba, ParametersAreFilledIn) {
+  const std::string text =
+      "<default name=\"r\" value=\"0.25\"/><default name=\"longer\" value=\"0.5\"/>"
+      "<shape type=\"rectangle\"><bsdf type=\"diffuse\"><rgb name=\"reflectance\" "
+      "value=\"$r, $longer, 0.1\"/></bsdf></shape>";
+  const auto color = [&](const ImportOptions& o) {
+    return vec3(read(text, o).materials.at(0).baseColor);
+  };
+  expectNear(color({}), {0.25f, 0.5f, 0.1f});
+  expectNear(color({.defines = {"r=0.75"}}), {0.75f, 0.5f, 0.1f});
+  EXPECT_NE(ImportOptions{.defines = {"r=1"}}.key(), ImportOptions{}.key());
+  EXPECT_NE(refusal("<scene>" + text + "</scene>", {.defines = {"x=1"}}, ExitCode::kUsage)
+                .find("no parameter"),
+            std::string::npos);
+  EXPECT_NE(refusal("<scene>\n<shape type=\"$nothing\"/></scene>").find("scene.xml:2"),
+            std::string::npos);
+}
+
+TEST_F(Mitsuba, IncludedFilesJoinTheScene) {
+  write("part.xml",
+        "<scene version=\"3.0.0\"><bsdf type=\"diffuse\" id=\"red\"><rgb "
+        "name=\"reflectance\" value=\"$c\"/></bsdf></scene>");
+  const Scene s = read(
+      "<default name=\"c\" value=\"1, 0, 0\"/><include filename=\"part.xml\"/>"
+      "<shape type=\"rectangle\"><ref id=\"red\"/></shape>");
+  expectNear(vec3(s.materials.at(0).baseColor), {1, 0, 0});
+  EXPECT_EQ(s.files.size(), 2u);
+  EXPECT_NE(refusal("<scene>\n\n<include filename=\"none.xml\"/></scene>").find("scene.xml:3"),
+            std::string::npos);
+  EXPECT_NE(refusal("<scene><include filename=\"scene.xml\"/></scene>").find("deep"),
+            std::string::npos);
+}
+
+TEST_F(Mitsuba, NamesOfOldVersions) {
+  using detail::mitsuba::snakeCase;
+  EXPECT_EQ(snakeCase("toWorld"), "to_world");
+  EXPECT_EQ(snakeCase("intIOR"), "int_ior");
+  EXPECT_EQ(snakeCase("diffuseReflectance"), "diffuse_reflectance");
+  EXPECT_EQ(snakeCase("sunRadiusScale"), "sun_radius_scale");
+  EXPECT_EQ(snakeCase("to_world"), "to_world");
+}
+
+TEST_F(Mitsuba, UnknownPartsAreNamedAndErrorsWithStrict) {
+  const std::string text =
+      "<shape type=\"rectangle\"><bsdf type=\"velvet\"/></shape><shape type=\"hair\"/>"
+      "<emitter type=\"laser\"/>";
+  const Scene s = read(text);
+  EXPECT_EQ(s.triangleCount(), 2u);
+  for (const char* part : {"velvet", "hair", "laser"}) EXPECT_TRUE(says(s.replaced.texts, part));
+  EXPECT_NE(refusal("<scene>" + text + "</scene>", {.strict = true}).find("velvet"),
+            std::string::npos);
+}
+
+TEST_F(Mitsuba, MissingFilesLeaveTheRest) {
+  const Scene s = read(
+      "<shape type=\"obj\"><string name=\"filename\" value=\"gone.obj\"/></shape>"
+      "<shape type=\"rectangle\"><bsdf type=\"diffuse\"><texture type=\"bitmap\" "
+      "name=\"reflectance\"><string name=\"filename\" "
+      "value=\"gone.png\"/></texture></bsdf></shape>");
+  EXPECT_EQ(s.triangleCount(), 2u);
+  EXPECT_TRUE(says(s.replaced.texts, "gone.obj"));
+  EXPECT_TRUE(says(s.replaced.texts, "gone.png"));
+  expectNear(vec3(s.materials.at(0).baseColor), vec3(0.5f));
+}
+
+TEST_F(Mitsuba, WhatIsNotShownIsSaid) {
+  const Scene s = read(
+      "<integrator type=\"path\"><integer name=\"max_depth\" value=\"5\"/></integrator>"
+      "<shape type=\"rectangle\"><bsdf type=\"roughconductor\"><float name=\"glitter\" "
+      "value=\"1\"/></bsdf></shape>");
+  EXPECT_TRUE(says(s.warnings, "max_depth 5"));
+  EXPECT_TRUE(says(s.warnings, "glitter"));
+  EXPECT_TRUE(says(s.warnings, "beckmann"));
+  EXPECT_TRUE(says(s.warnings, "twosided"));
+}
+
+TEST_F(Mitsuba, BrokenFilesAreRefusedWithTheirLine) {
+  EXPECT_NE(refusal("<scene>\n<shape>\n</scene>").find("scene.xml:3"), std::string::npos);
+  EXPECT_NE(refusal("<html/>").find("<html>"), std::string::npos);
+  EXPECT_NE(refusal("no xml at all").find("scene.xml"), std::string::npos);
+  std::string deep = "<scene>", end = "</scene>";
+  for (int i = 0; i < 100; ++i) deep += "<bsdf type=\"twosided\">", end = "</bsdf>" + end;
+  EXPECT_NE(refusal(deep + end).find("nested too deeply"), std::string::npos);
+  // Values that grow with each parameter.
+  std::string bomb = "<scene><default name=\"a0\" value=\"xxxxxxxxxxxxxxxx\"/>";
+  for (int i = 1; i < 40; ++i) {
+    const std::string last = "$a" + std::to_string(i - 1);
+    bomb += "<default name=\"a" + std::to_string(i) + "\" value=\"" + last + last + "\"/>";
+  }
+  EXPECT_NE(refusal(bomb + "</scene>").find("characters"), std::string::npos);
+}
+
+TEST_F(Mitsuba, ReferencesThatTurnInCirclesEnd) {
+  const Scene s = read(
+      "<bsdf type=\"twosided\" id=\"a\"><ref id=\"b\"/></bsdf>"
+      "<bsdf type=\"twosided\" id=\"b\"><ref id=\"a\"/></bsdf>"
+      "<shape type=\"shapegroup\" id=\"g\"><shape type=\"instance\"><ref id=\"g\"/></shape></shape>"
+      "<shape type=\"instance\"><ref id=\"g\"/></shape>"
+      "<shape type=\"rectangle\"><ref id=\"a\"/></shape>");
+  EXPECT_EQ(s.triangleCount(), 2u);
+  EXPECT_GE(s.replaced.count, 2u);
+}
+
+TEST_F(Mitsuba, NumbersThatAreNoneOrOutOfRange) {
+  const Scene s = read(
+      "<shape type=\"sphere\"><float name=\"radius\" value=\"-1\"/></shape>"
+      "<shape type=\"rectangle\"><transform name=\"to_world\"><scale x=\"0\" y=\"1\" z=\"1\"/>"
+      "</transform></shape><shape type=\"disk\"><transform name=\"to_world\">"
+      "<scale x=\"nan\"/><matrix value=\"1 2 3\"/></transform></shape>");
+  EXPECT_TRUE(says(s.replaced.texts, "radius -1"));
+  EXPECT_TRUE(says(s.replaced.texts, "no volume"));
+  EXPECT_TRUE(says(s.replaced.texts, "'nan' is not a number"));
+}
+
+TEST_F(Mitsuba, OptionsOfOtherFormatsAreUsageErrors) {
+  const std::string xml = "<scene><shape type=\"rectangle\"/></scene>";
+  EXPECT_NE(refusal(xml, {.unit = 0.01}, ExitCode::kUsage), "");
+  EXPECT_NE(refusal(xml, {.variant = "red"}, ExitCode::kUsage), "");
+  EXPECT_THROW(import("m.obj", "v 0 0 0\n", {.defines = {"a=1"}}), Error);
+}
+
+}  // namespace
+}  // namespace trex::test
