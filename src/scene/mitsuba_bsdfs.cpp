@@ -100,7 +100,7 @@ Look Bsdfs::unknown(const Properties& of) {
 
 Look Bsdfs::readNested(const Properties& of) {
   const std::vector<const Element*> nested = of.objects("bsdf");
-  if (!nested.empty()) return read(*nested.front());
+  if (!nested.empty()) return look(*nested.front());
   context_.replace(of.element(),
                    fmt::format("bsdf '{:.40}' holds none; grey 0.5 is used", of.element().type()));
   return plain(false);
@@ -169,8 +169,8 @@ Look Bsdfs::readBlend(const Properties& of) {
     weight = static_cast<float>(weights[1] / std::max(weights[0] + weights[1], 1e-9));
   }
   context_.replace(of.element(), "a blend of bsdfs is shown as one material of mixed numbers");
-  Look a = read(*nested[0]);
-  const Look b = read(*nested[1]);
+  Look a = look(*nested[0]);
+  const Look b = look(*nested[1]);
   a.material = mixed(a.material, b.material, std::clamp(weight, 0.0f, 1.0f));
   a.invisible = a.invisible && b.invisible;
   a.twosided = a.twosided && b.twosided;

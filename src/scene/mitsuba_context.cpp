@@ -77,9 +77,9 @@ std::vector<const Element*> Properties::objects(std::string_view tag) const {
   std::vector<const Element*> found;
   for (std::size_t i = 0; i < element_.children.size(); ++i) {
     const Element& child = element_.children[i];
-    if (child.tag != tag && child.tag != "ref") continue;
+    if (lost_[i] || (child.tag != tag && child.tag != "ref")) continue;
     const Element* meant = context_.resolve(child);
-    if (meant == nullptr) used_[i] = true;
+    if (meant == nullptr) used_[i] = lost_[i] = true;
     if (meant == nullptr || meant->tag != tag) continue;
     used_[i] = true;
     found.push_back(meant);

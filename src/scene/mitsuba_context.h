@@ -55,7 +55,10 @@ bool isObject(std::string_view tag);
 class Properties {
  public:
   Properties(Context& context, const Element& element)
-      : context_(context), element_(element), used_(element.children.size(), false) {}
+      : context_(context),
+        element_(element),
+        used_(element.children.size(), false),
+        lost_(element.children.size(), false) {}
 
   const Element& element() const { return element_; }
   Context& context() const { return context_; }
@@ -82,7 +85,7 @@ class Properties {
  private:
   Context& context_;
   const Element& element_;
-  mutable std::vector<bool> used_;
+  mutable std::vector<bool> used_, lost_;  ///< asked for; references to nothing
 };
 
 /// The matrix of a <transform>; one that is broken is told, and the identity.

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <glm/gtc/matrix_transform.hpp>
 #include <iterator>
+#include <numbers>
 
 #include "src/scene/mesh_normals.h"
-#include "src/scene/shape_meshes.h"
 
 namespace trex::detail::mitsuba {
 namespace {
@@ -109,6 +109,11 @@ void Geometry::setMirrored(bool isMirrored) {
   if (mirrored) key += " mirrored";
 }
 
+void Geometry::setError(double value) {
+  error = value;
+  key += fmt::format(" within {}", value);
+}
+
 bool describeGeometry(const Properties& shape, Geometry& out) {
   out.kind = shape.element().type();
   out.flip = shape.flag("flip_normals", false);
@@ -138,12 +143,12 @@ std::vector<Mesh> makeGeometry(Context& context, const Element& at, const Geomet
     meshes = readFile(context, at, g);
     for (Mesh& mesh : meshes) finish(context, at, g, mesh);
   } else if (g.kind == "sphere") {
-    meshes.push_back(sphereMesh());
+    meshes.push_back(sphereMesh({}, g.error));
     for (vec2& uv : meshes[0].texCoords) uv.y = 1.0f - uv.y;
   } else if (g.kind == "cylinder") {
-    meshes.push_back(cylinderMesh({.radius = 1.0, .zMin = 0.0, .zMax = 1.0}));
+    meshes.push_back(cylinderMesh({.radius = 1.0, .zMin = 0.0, .zMax = 1.0}, g.error));
   } else if (g.kind == "disk") {
-    meshes.push_back(diskMesh());
+    meshes.push_back(diskMesh(1.0, 0.0, 0.0, 2.0 * std::numbers::pi, g.error));
     for (vec2& uv : meshes[0].texCoords) uv = vec2(1.0f - uv.y, uv.x);
   } else {
     meshes.push_back(g.kind == "cube" ? cubeMesh() : rectangleMesh());

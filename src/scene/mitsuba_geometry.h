@@ -2,6 +2,7 @@
 #pragma once
 
 #include "src/scene/mitsuba_context.h"
+#include "src/scene/shape_meshes.h"
 
 namespace trex::detail::mitsuba {
 
@@ -11,13 +12,15 @@ struct Geometry {
   std::string kind;  ///< the shape's type
   std::string file;  ///< of obj, ply and serialized
   bool faceNormals = false, flip = false, flipV = false;
-  bool mirrored = false;      ///< by the shape's transform
-  double smoothAngle = -1.0;  ///< radians; negative: all
-  std::uint32_t index = 0;    ///< in a serialized file
-  dmat4 place{1.0};           ///< from the triangles to the shape's own space
+  bool mirrored = false;       ///< by the shape's transform
+  double smoothAngle = -1.0;   ///< radians; negative: all
+  std::uint32_t index = 0;     ///< in a serialized file
+  double error = kShapeError;  ///< of round shapes
+  dmat4 place{1.0};            ///< from the triangles to the shape's own space
 
   /// Faces of files without normals show the side that their corners turn about, as placed.
   void setMirrored(bool isMirrored);
+  void setError(double value);
 };
 
 /// False, and told, if a shape is of a kind that is not known.

@@ -113,7 +113,7 @@ void Bsdfs::readConductor(const Properties& of, Material& m, bool rough) {
   m.metallic = 1.0f;
   m.roughness = 0.0f;
   if (rough) setAlpha(of, m);
-  // A metal here reflects alike at all angles; its mean keeps the energy.
+  context_.note(of.element(), "metals reflect alike at all angles, by the mean of theirs");
   const vec3 reflectance = ior->meanReflectance();
   ColorInput color = textures_.color(of, "specular_reflectance", vec3(1.0f));
   color.factor *= reflectance;
@@ -126,6 +126,8 @@ void Bsdfs::readPlastic(const Properties& of, Material& m, bool rough) {
   m.specular = 1.0f;
   m.specularColor = of.color("specular_reflectance", vec3(1.0f), ColorKind::kReflectance);
   if (rough) setAlpha(of, m);
+  context_.note(of.element(),
+                "what is under plastic keeps its albedo; by angle it differs a little");
   const PlasticGround ground(std::max(double(m.ior), 1.0), of.flag("nonlinear", false));
   const auto change = [&](const vec4& v) {
     vec4 base(1.0f);
@@ -146,6 +148,7 @@ void Bsdfs::readPlastic(const Properties& of, Material& m, bool rough) {
 /// Disney's lobes add up; here the interface takes from the ground, and metals keep their colour at
 /// grazing angles: the base colour is the one with the same albedo.
 void Bsdfs::readPrincipled(const Properties& of, Material& m, bool thin) {
+  context_.note(of.element(), "principled: albedos are kept; by angle they differ a little");
   const NumberInput roughness = textures_.number(of, "roughness", 0.5f);
   const NumberInput metallic = textures_.number(of, "metallic", 0.0f);
   const double f0 = 0.08 * of.number("specular", 0.5, 0.0, 1.0);

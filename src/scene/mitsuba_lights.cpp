@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <numbers>
 
+#include "src/scene/daylight.h"
 #include "src/scene/texture.h"
 
 namespace trex::detail::mitsuba {
@@ -146,6 +147,44 @@ void readEnvironmentMap(const Properties& of) {
   context.scene().environment = environment;
 }
 
+/// Sun and sky. Versions 0.x have y up, later ones z.
+void readDaylight(const Properties& of, bool sky, bool sun) {
+  Context& context = of.context();
+  const bool old = context.document().version().starts_with("0.");
+  const dmat4 m = of.transform("to_world");
+  Daylight day;
+  day.turbidity = of.number("turbidity", 3.0, 1.0, 10.0);
+  const double scale = of.number("scale", 1.0, 0.0, 1e12);
+  day.skyScale = sky ? of.number("sky_scale", scale, 0.0, 1e12) : 0.0;
+  day.sunScale = sun ? of.number("sun_scale", scale, 0.0, 1e12) : 0.0;
+  day.up = dvec3(
+      unitOr(turned(m, old ? dvec3(0.0, 1.0, 0.0) : dvec3(0.0, 0.0, 1.0)), vec3(0.0f, 1.0f, 0.0f)));
+  const dvec3 noon(0.0, 1.0, 1.0);  // 45 degrees high, whichever of both is up
+  day.sun = dvec3(unitOr(turned(m, of.vector("sun_direction", noon)), vec3(day.up)));
+  if (!of.has("sun_direction")) {
+    context.replace(of.element(),
+                    "the sun's place by date and time is not known; it is 45 degrees high");
+  }
+  day.sunRadius = glm::radians(0.5 * of.number("sun_aperture", 0.5358, 0.0, 90.0)) *
+                  of.number("sun_radius_scale", 1.0, 0.0, 100.0);
+  of.ignore({"albedo", "resolution", "stretch", "extend", "complex_sun", "year", "month", "day",
+             "hour", "minute", "second", "latitude", "longitude", "timezone"});
+  context.replace(of.element(),
+                  fmt::format("'{}' is shown as a clear sky of like light: Preetham's "
+                              "pattern",
+                              of.element().type()));
+  constexpr double kSmallest = 0.01;
+  const bool disk = sun && day.sunRadius >= kSmallest;
+  context.scene().environment = daylightSky(day, disk);
+  if (!sun || disk) return;
+  Light light;
+  light.type = Light::Type::kDirectional;
+  light.name = "sun";
+  light.direction = -vec3(day.sun);
+  light.intensity = sunIrradiance(day);
+  context.scene().lights.push_back(light);
+}
+
 }  // namespace
 
 void addEmitter(Context& context, const Element& emitter) {
@@ -153,7 +192,8 @@ void addEmitter(Context& context, const Element& emitter) {
   const std::string_view type = emitter.type();
   Scene& scene = context.scene();
   of.ignore({"sampling_weight", "scene_bounds"});
-  if ((type == "envmap" || type == "constant") && scene.environment.present()) {
+  const bool sky = type == "sky" || type == "sunsky", sun = type == "sun" || type == "sunsky";
+  if ((type == "envmap" || type == "constant" || sky) && scene.environment.present()) {
     context.replace(emitter, "a second environment takes the place of the first");
   }
   if (type == "constant") {
@@ -161,6 +201,8 @@ void addEmitter(Context& context, const Element& emitter) {
     scene.environment.color = of.color("radiance", vec3(1.0f), ColorKind::kEmission);
   } else if (type == "envmap") {
     readEnvironmentMap(of);
+  } else if (sky || sun) {
+    readDaylight(of, sky, sun);
   } else if (type == "point" || type == "spot" || type == "directional") {
     scene.lights.push_back(type == "point"  ? readPoint(of)
                            : type == "spot" ? readSpot(of)

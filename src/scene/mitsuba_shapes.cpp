@@ -5,7 +5,7 @@
 namespace trex::detail::mitsuba {
 namespace {
 
-constexpr std::size_t kMostParts = std::size_t{1} << 27;
+constexpr std::size_t kMostParts = std::size_t{1} << 24;
 
 /// Of a flat shape, a matrix with a third axis that has a length: where that is points nowhere.
 dmat4 withDepth(dmat4 m) {
@@ -40,6 +40,7 @@ UvFacts factsOf(const Mesh& mesh, const dmat4& place) {
 void Shapes::add(const Element& shape) {
   const Parts parts = partsOf(shape, 0);
   if (parts.empty()) return;
+  checkCount(shape, parts.size());
   Scene& scene = context_.scene();
   const std::string_view id = shape.attribute("id");
   const int object = static_cast<int>(scene.objects.size());
@@ -52,10 +53,12 @@ void Shapes::add(const Element& shape) {
     instance.object = object;
     scene.instances.push_back(std::move(instance));
   }
-  if (scene.instances.size() > kMostParts) {
-    fail(ExitCode::kInput, "{}: more than {} parts are placed", context_.document().where(shape),
-         kMostParts);
-  }
+}
+
+void Shapes::checkCount(const Element& at, std::size_t more) {
+  if (context_.scene().instances.size() + more <= kMostParts) return;
+  fail(ExitCode::kInput, "{}: more than {} parts are placed", context_.document().where(at),
+       kMostParts);
 }
 
 Shapes::Parts Shapes::partsOf(const Element& shape, int depth) {
@@ -72,10 +75,14 @@ Shapes::Parts Shapes::partsOf(const Element& shape, int depth) {
   return parts;
 }
 
+/// References are not followed: only instances place what is elsewhere.
 Shapes::Parts Shapes::partsOfGroup(const Properties& group, int depth) {
   Parts parts;
-  for (const Element* shape : group.objects("shape")) {
-    const Parts more = partsOf(*shape, depth + 1);
+  static_cast<void>(group.objects("shape"));
+  for (const Element& shape : group.element().children) {
+    if (shape.tag != "shape") continue;
+    const Parts more = partsOf(shape, depth + 1);
+    checkCount(shape, parts.size() + more.size());
     parts.insert(parts.end(), more.begin(), more.end());
   }
   return parts;
@@ -84,11 +91,14 @@ Shapes::Parts Shapes::partsOfGroup(const Properties& group, int depth) {
 Shapes::Parts Shapes::partsOfInstance(const Properties& instance, int depth) {
   const std::vector<const Element*> groups = instance.objects("shape");
   const dmat4 place = instance.transform("to_world");
-  if (groups.empty() || groups.front()->type() != "shapegroup" || !usable(place)) {
-    context_.replace(instance.element(),
-                     groups.empty() || usable(place)
-                         ? "an instance of no shapegroup is left out"
-                         : "an instance with a transform that has no volume is left out");
+  const char* problem = depth > 0 ? "an instance in a group is left out"
+                        : groups.empty() || groups.front()->type() != "shapegroup"
+                            ? "an instance of no shapegroup is left out"
+                        : !usable(place)
+                            ? "an instance with a transform that has no volume is left out"
+                            : nullptr;
+  if (problem != nullptr) {
+    context_.replace(instance.element(), problem);
     return {};
   }
   const Element* group = groups.front();
@@ -132,6 +142,7 @@ Shapes::Parts Shapes::partsOfMesh(const Properties& shape) {
     context_.replace(shape.element(), "a shape with a transform that has no volume is left out");
     return {};
   }
+  limitDetail(shape, geometry);
   geometry.setMirrored(glm::determinant(glm::dmat3(place)) < 0.0);
   Parts parts;
   for (const int mesh : meshesOf(shape, geometry)) {
@@ -139,6 +150,17 @@ Shapes::Parts Shapes::partsOfMesh(const Properties& shape) {
     parts.push_back({withMaterial(mesh, material), place});
   }
   return parts;
+}
+
+/// Round shapes of many materials are as many meshes.
+void Shapes::limitDetail(const Properties& shape, Geometry& geometry) {
+  const std::size_t meshes = context_.scene().meshes.size();
+  if (geometry.kind != "sphere" && geometry.kind != "cylinder" && geometry.kind != "disk") return;
+  if (meshes < 256) return;
+  geometry.setError(meshes < 4096 ? 4e-3 : 4e-2);
+  context_.note(shape.element(), fmt::format("round shapes are cut to {} of their radius from here "
+                                             "on: there are many",
+                                             geometry.error));
 }
 
 int Shapes::withMaterial(int mesh, int material) {

@@ -32,6 +32,8 @@ class Shapes {
     Look look;
   };
 
+  void checkCount(const Element& at, std::size_t more);
+  void limitDetail(const Properties& shape, Geometry& geometry);
   Parts partsOf(const Element& shape, int depth);
   Parts partsOfGroup(const Properties& group, int depth);
   Parts partsOfInstance(const Properties& instance, int depth);

@@ -15,7 +15,7 @@ constexpr int kMostDepth = 64;     // of elements in elements
 constexpr int kMostIncluded = 15;  // files in files, as in Mitsuba
 constexpr std::size_t kMostFiles = 1000;
 constexpr std::size_t kMostText = 1u << 16;  // of a value with parameters filled in
-constexpr std::uint64_t kMostElements = 1u << 27;
+constexpr std::uint64_t kMostElements = 1u << 25;
 
 bool lower(char c) { return c >= 'a' && c <= 'z'; }
 bool upper(char c) { return c >= 'A' && c <= 'Z'; }

@@ -36,12 +36,6 @@ double daylight(double nm) {
   return std::lerp(kTable[i], kTable[i + 1], at - double(i));
 }
 
-dvec3 rgbOfXyz(const dvec3& c) {
-  return {3.2404542 * c.x - 1.5371385 * c.y - 0.4985314 * c.z,
-          -0.9692660 * c.x + 1.8760108 * c.y + 0.0415560 * c.z,
-          0.0556434 * c.x - 0.2040259 * c.y + 1.0572252 * c.z};
-}
-
 dvec3 integrate(const std::function<double(double)>& spectrum) {
   dvec3 sum(0.0);
   for (double nm = kFirst; nm <= kLast; nm += kStep) sum += spectrum(nm) * matching(nm) * kStep;
@@ -49,6 +43,12 @@ dvec3 integrate(const std::function<double(double)>& spectrum) {
 }
 
 }  // namespace
+
+dvec3 rgbOfXyz(const dvec3& c) {
+  return {3.2404542 * c.x - 1.5371385 * c.y - 0.4985314 * c.z,
+          -0.9692660 * c.x + 1.8760108 * c.y + 0.0415560 * c.z,
+          0.0556434 * c.x - 0.2040259 * c.y + 1.0572252 * c.z};
+}
 
 float SampledSpectrum::at(double nm) const {
   if (nanometres.empty() || nm < double(nanometres.front()) || nm > double(nanometres.back())) {

@@ -21,6 +21,9 @@ struct SampledSpectrum {
   void sanitise();
 };
 
+/// CIE XYZ in linear Rec. 709; colours out of its gamut have negative parts.
+dvec3 rgbOfXyz(const dvec3& xyz);
+
 /// The colour of a surface that reflects (or transmits) this much of daylight D65: a constant 1 is
 /// (1, 1, 1). May leave [0, 1] for saturated colours.
 vec3 reflectanceRgb(const std::function<double(double nm)>& spectrum);

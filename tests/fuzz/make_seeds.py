@@ -1,13 +1,14 @@
 #!/usr/bin/env python3
 """Writes small valid models, where the fuzzing of the text formats starts.
 
-Usage: make_seeds.py FOLDER; makes FOLDER/{gltf,glb,assimp,ply,obj,stl,pbrt}/.
+Usage: make_seeds.py FOLDER; makes FOLDER/{gltf,glb,assimp,ply,obj,stl,pbrt,mitsuba}/.
 """
 import base64
 import json
 import os
 import struct
 import sys
+import zlib
 
 POSITIONS = (0, 0, 0, 1, 0, 0, 0, 1, 0, 1, 1, 0)
 NORMALS = (0, 0, 1) * 4
@@ -255,11 +256,40 @@ def compressed():
     return tree, data
 
 
+def mitsuba():
+    """Every kind of object, and a serialized mesh behind its scene."""
+    def scene(text, version="3.0.0"):
+        return f'<scene version="{version}">\n{text}\n</scene>\n'.encode()
+    yield scene("""<default name="r" value="0.5"/><integrator type="path"><integer name="max_depth" value="8"/></integrator>
+<sensor type="thinlens" id="c"><float name="fov" value="40"/><string name="fov_axis" value="y"/><transform name="to_world">
+<lookat origin="0,0,5" target="0,0,0" up="0,1,0"/></transform><float name="aperture_radius" value="0.1"/>
+<film type="hdrfilm"><integer name="width" value="64"/></film></sensor>
+<bsdf type="twosided" id="a"><bsdf type="roughplastic"><float name="alpha" value="0.1"/><rgb name="diffuse_reflectance" value="$r"/>
+</bsdf></bsdf><bsdf type="mask" id="b"><float name="opacity" value="0.5"/><bsdf type="roughconductor">
+<string name="material" value="Au"/></bsdf></bsdf><bsdf type="blendbsdf" id="d"><ref id="a"/><ref id="b"/></bsdf>
+<shape type="sphere"><point name="center" x="1" y="2" z="3"/><float name="radius" value="2"/><ref id="a"/></shape>
+<shape type="cylinder"><ref id="b"/></shape><shape type="disk"><ref id="d"/><emitter type="area">
+<spectrum name="radiance" value="400:1, 700:2"/></emitter></shape><shape type="shapegroup" id="g"><shape type="cube">
+<bsdf type="dielectric"><string name="int_ior" value="bk7"/></bsdf><medium type="homogeneous" name="interior"/></shape></shape>
+<shape type="instance"><ref id="g"/><transform name="to_world"><scale value="2"/><rotate x="1" angle="30"/></transform></shape>""")
+    yield scene("""<shape type="rectangle"><transform name="toWorld"><matrix value="1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1"/>
+<translate x="1"/></transform><bsdf type="bumpmap"><texture type="checkerboard" name="arbitrary"><transform name="toUV">
+<scale x="3" y="4"/></transform></texture><bsdf type="principled"><float name="metallic" value="0.5"/></bsdf></bsdf></shape>
+<emitter type="point"><rgb name="intensity" value="1,2,3"/></emitter><emitter type="spot"/><emitter type="directional">
+<vector name="direction" x="0" y="-1" z="0"/></emitter><emitter type="constant"><blackbody name="radiance" temperature="5000K"/>
+</emitter><sensor type="orthographic"/>""", "0.6.0")
+    data = struct.pack("<I", 0x1002) + b"m\0" + struct.pack("<QQ", 4, 2) + struct.pack("<12f8f6I", *POSITIONS, *UVS, *INDICES)
+    packed = struct.pack("<HH", 0x041C, 4) + zlib.compress(data)
+    yield scene("""<shape type="serialized"><string name="filename" value="m.serialized"/>
+<integer name="shapeIndex" value="0"/><float name="maxSmoothAngle" value="30"/></shape>""") + b"=====\n" + packed + struct.pack(
+        "<QI", 0, 1)
+
+
 def main(folder):
     models = [plain(), attributes(), sparse(), posed(), compressed()]
     seeds = {"gltf": [gltf(*m) for m in models], "glb": [glb(*m) for m in models],
              "assimp": [handed_over(*m) for m in models[:3]], "ply": list(ply()), "obj": OBJ, "stl": list(stl()),
-             "pbrt": PBRT}
+             "pbrt": PBRT, "mitsuba": list(mitsuba())}
     for name, inputs in seeds.items():
         os.makedirs(os.path.join(folder, name), exist_ok=True)
         for i, data in enumerate(inputs):

@@ -452,6 +452,22 @@ TEST_F(Mitsuba, EnvironmentMapsAreTurned) {
   EXPECT_NEAR(s.environment.rotation, kPi, 1e-6f);
 }
 
+TEST_F(Mitsuba, SunAndSkyAreNamedAndLikeTheirs) {
+  const std::string text =
+      "<emitter type=\"sunsky\"><float name=\"turbidity\" value=\"3\"/>"
+      "<vector name=\"sun_direction\" x=\"0\" y=\"1\" z=\"1\"/></emitter>";
+  Scene s = read(text);  // z is up
+  ASSERT_EQ(s.lights.size(), 1u);
+  expectNear(s.lights[0].direction, glm::normalize(vec3(0, -1, -1)));
+  EXPECT_NEAR(s.lights[0].intensity.y, 1.2f, 0.1f);
+  ASSERT_NE(s.environment.map, nullptr);
+  EXPECT_TRUE(says(s.replaced.texts, "sunsky"));
+  // A sun of some degrees is a disk in the sky.
+  s = read("<emitter type=\"sunsky\"><float name=\"sunRadiusScale\" value=\"10\"/></emitter>", {},
+           "0.6.0");
+  EXPECT_TRUE(s.lights.empty());
+}
+
 float verticalFov(const Scene& s) { return s.cameras.at(0).verticalFov; }
 
 TEST_F(Mitsuba, FieldsOfViewByTheirAxis) {
