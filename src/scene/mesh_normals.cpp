@@ -16,7 +16,7 @@ dvec3 positionOf(const Mesh& mesh, const glm::uvec3& t, int corner) {
   return dvec3(mesh.positions[t[corner]]);
 }
 
-dvec3 faceNormal(const Mesh& mesh, const glm::uvec3& t) {
+dvec3 normalOfFace(const Mesh& mesh, const glm::uvec3& t) {
   const dvec3 a = positionOf(mesh, t, 0);
   return unit(glm::cross(positionOf(mesh, t, 1) - a, positionOf(mesh, t, 2) - a));
 }
@@ -37,7 +37,9 @@ vec3 usable(const dvec3& sum, const dvec3& otherwise) {
 std::vector<std::size_t> cornersByPlace(const Mesh& mesh) {
   std::vector<std::size_t> corners(3 * mesh.triangles.size());
   std::iota(corners.begin(), corners.end(), std::size_t{0});
-  const auto place = [&](std::size_t c) { return mesh.positions[mesh.triangles[c / 3][int(c % 3)]]; };
+  const auto place = [&](std::size_t c) {
+    return mesh.positions[mesh.triangles[c / 3][int(c % 3)]];
+  };
   std::stable_sort(corners.begin(), corners.end(), [&](std::size_t a, std::size_t b) {
     const vec3 p = place(a), q = place(b);
     return std::tie(p.x, p.y, p.z) < std::tie(q.x, q.y, q.z);
@@ -50,7 +52,7 @@ std::vector<std::size_t> cornersByPlace(const Mesh& mesh) {
 void makeSmoothNormals(Mesh& mesh) {
   std::vector<dvec3> sums(mesh.positions.size(), dvec3(0.0));
   for (const glm::uvec3& t : mesh.triangles) {
-    const dvec3 normal = faceNormal(mesh, t);
+    const dvec3 normal = normalOfFace(mesh, t);
     for (int k = 0; k < 3; ++k) sums[t[k]] += angleAt(mesh, t, k) * normal;
   }
   mesh.normals.clear();
@@ -70,11 +72,11 @@ void makeNormalsByAngle(Mesh& mesh, double largestAngle) {
     }
     const bool flat = end - first > kMostCorners;
     for (std::size_t i = first; i < end; ++i) {
-      const dvec3 own = faceNormal(mesh, mesh.triangles[corners[i] / 3]);
+      const dvec3 own = normalOfFace(mesh, mesh.triangles[corners[i] / 3]);
       dvec3 sum(0.0);
       for (std::size_t j = first; j < end && !flat; ++j) {
         const glm::uvec3& t = mesh.triangles[corners[j] / 3];
-        const dvec3 other = faceNormal(mesh, t);
+        const dvec3 other = normalOfFace(mesh, t);
         if (glm::dot(own, other) >= least) sum += angleAt(mesh, t, int(corners[j] % 3)) * other;
       }
       normals[corners[i]] = usable(sum, own);

@@ -6,7 +6,7 @@
 namespace trex::detail {
 namespace {
 
-constexpr double kTurn = 2.0 * std::numbers::pi;
+constexpr double kFullTurn = 2.0 * std::numbers::pi;
 
 struct Vertex {
   dvec3 position, normal;
@@ -16,7 +16,8 @@ struct Vertex {
 int piecesOf(double angle, double error) {
   error = std::clamp(error, 1e-5, 0.1);
   const double chord = 2.0 * std::acos(1.0 - error);
-  return std::max(1, static_cast<int>(std::ceil(std::max(8.0, kTurn / chord) * angle / kTurn)));
+  return std::max(
+      1, static_cast<int>(std::ceil(std::max(8.0, kFullTurn / chord) * angle / kFullTurn)));
 }
 
 /// What the radius is multiplied with so that the polygon of a circle has its area.
@@ -49,7 +50,7 @@ Mesh gridMesh(int nu, int nv, const std::function<Vertex(double, double)>& at) {
   return mesh;
 }
 
-double clampedPhi(double phi) { return std::clamp(phi, 1e-3, kTurn); }
+double clampedPhi(double phi) { return std::clamp(phi, 1e-3, kFullTurn); }
 
 /// A height over the radius as an angle from -z; the poles are exact.
 double polarAngle(double height) { return std::acos(std::clamp(-height, -1.0, 1.0)); }
