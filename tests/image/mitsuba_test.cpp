@@ -39,13 +39,15 @@ void expectMeans(const std::string& name, const Rendered& image, const Rendered&
   if (testing::Test::HasFailure()) keepArtefacts(name, image, reference);
 }
 
-/// What a material here can say: no difference but noise.
+/// What a material here can say: no difference but noise, and where spheres are polyhedra: a few
+/// pixels of their rims and of what glass shows.
 TEST(MitsubaImage, ExactPartsPassTheZTest) {
   for (const char* name : {"mitsuba-exact", "mitsuba-lights"}) {
     const Rendered reference = readReference(name), image = renderXml(ownScene(name), 512);
     const Comparison result = compare(image, reference);
-    report(fmt::format("{} pixels failed", name), 1.0 - result.pixelsPassed, 0.005);
-    EXPECT_GE(result.pixelsPassed, 0.995) << name;
+    report(fmt::format("{} pixels failed", name), 1.0 - result.pixelsPassed, 0.01);
+    EXPECT_GE(result.pixelsPassed, 0.99) << name;
+    if (HasFailure()) keepArtefacts(name, image, reference);
     expectMeans(name, image, reference, 0.002);
   }
 }
