@@ -16,7 +16,7 @@ class ObjScene : ObjReader {
     for (auto& [group, part] : parts_) {
       const auto& corners = part.table.corners();
       const bool uv =
-          (options_.geometryOnly || scene_.materials[group.material].textured()) &&
+          (options().geometryOnly || scene_.materials[group.material].textured()) &&
           std::any_of(corners.begin(), corners.end(), [](const ObjCorner& c) { return c[1] >= 0; });
       addMesh(group, meshOf(group, corners, std::move(part.triangles), uv));
       part = {};

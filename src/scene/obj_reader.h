@@ -59,6 +59,8 @@ class ObjReader {
   GrowingArray<dvec3> madeNormals_;
   CornerTable<2> smoothVertices_;  ///< of vertices and smoothing groups
 
+  const ImportOptions& options() const { return options_; }
+
  private:
   /// A face that uses vertices which have not come yet.
   struct WaitingFace {
