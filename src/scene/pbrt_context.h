@@ -28,8 +28,8 @@ struct PbrtContext {
   /// Says in Scene::replaced that something is not shown as it is, with file, line and directive.
   template <typename... Args>
   void replace(fmt::format_string<Args...> format, Args&&... args) {
-    scene.replaced.add(
-        fmt::format("{}: {}: {}", where(), what, fmt::format(format, std::forward<Args>(args)...)));
+    scene.replaced.add(utf8Of(oneLine(fmt::format(
+        "{}: {}: {}", where(), what, fmt::format(format, std::forward<Args>(args)...)))));
   }
 
   /// Adds a file that was read to Scene::files, once.

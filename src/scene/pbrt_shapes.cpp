@@ -196,11 +196,12 @@ void PbrtShapes::instance(const std::string& name, const PbrtState& state) {
     fail(ExitCode::kMemoryOrDevice, "{}: more than {} instances", context_.where(), kMaxInstances);
   }
   const int object = static_cast<int>(scene.objects.size());
+  const std::string shown = utf8Of(name);
   for (const Part& part : found->second) {
     const dmat4 toWorld = state.ctm[0] * part.transform;
-    if (placeable(toWorld)) scene.instances.push_back({name, part.mesh, toWorld, object});
+    if (placeable(toWorld)) scene.instances.push_back({shown, part.mesh, toWorld, object});
   }
-  scene.objects.push_back(utf8Of(name));
+  scene.objects.push_back(shown);
 }
 
 }  // namespace trex::detail

@@ -68,7 +68,8 @@ void PbrtTokens::readString() {
     int c = input_.next();
     if (c == '"') return;
     if (c < 0 || c == '\n') {
-      fail(ExitCode::kInput, "{}: a string without its closing quote: \"{:.40}", where(), text_);
+      fail(ExitCode::kInput, "{}: a string without its closing quote: \"{:.40}", where(),
+           utf8Of(oneLine(text_)));
     }
     if (c == '\\') {
       const int escaped = input_.peek();

@@ -315,6 +315,34 @@ TEST_F(ScenePbrt, WhatSaysHowToRenderIsRead) {
   expectRefused("Option \"seed\" [", "value is missing");
 }
 
+TEST_F(ScenePbrt, AttributesAreParametersOfWhatFollows) {
+  const Scene s = read(
+      "AttributeBegin\nAttribute \"shape\" \"float radius\" 2 \"float zmax\" 0\n"
+      "Attribute \"shape\" \"float radius\" 3\n"
+      "Attribute \"material\" \"rgb reflectance\" [.1 .2 .3]\n"
+      "Material \"diffuse\"\nShape \"sphere\"\nShape \"sphere\" \"float radius\" 5\n"
+      "AttributeEnd\nShape \"sphere\"\n");
+  EXPECT_EQ(s.replaced.count, 0u);
+  ASSERT_EQ(s.instances.size(), 3u);
+  const auto radius = [&](int i) { return glm::length(dvec3(s.instances[i].transform[0])); };
+  EXPECT_NEAR(radius(0), 3.0, 1e-9);
+  EXPECT_NEAR(radius(1), 5.0, 1e-9);
+  EXPECT_NEAR(radius(2), 1.0, 1e-9);
+  EXPECT_EQ(s.materials[s.meshes[0].material].baseColor, vec4(0.1f, 0.2f, 0.3f, 1.0f));
+  EXPECT_LT(s.meshes[0].positions.size(), s.meshes.back().positions.size());  // half a sphere
+}
+
+TEST_F(ScenePbrt, NamesAreOneLineOfUtf8) {
+  const Scene s = read("ObjectBegin \"\xe9t\xe9\"\n" + kTriangle +
+                       "ObjectEnd\n"
+                       "ObjectInstance \"\xe9t\xe9\"\nShape \"a\\nb\xff\"\n");
+  EXPECT_EQ(s.instances[0].name, "\xc3\xa9t\xc3\xa9");
+  EXPECT_EQ(s.objects[0], "\xc3\xa9t\xc3\xa9");
+  ASSERT_EQ(s.replaced.texts.size(), 1u);
+  EXPECT_EQ(s.replaced.texts[0].find('\n'), std::string::npos);
+  EXPECT_NE(s.replaced.texts[0].find("a b\xc3\xbf"), std::string::npos) << s.replaced.texts[0];
+}
+
 TEST_F(ScenePbrt, UnitsAreOfBareModels) {
   ImportOptions options;
   options.zUp = true;
