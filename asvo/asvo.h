@@ -87,6 +87,8 @@ class TriangleSource {
   virtual void get(std::uint64_t i, Triangle& triangle) const = 0;
   /// At weight u of the second and v of the third vertex.
   virtual Shade shade(const Triangle& triangle, float u, float v) const = 0;
+  /// Whether shade() is the same all over the triangle, so that it need not be asked in each voxel.
+  virtual bool uniform(const Triangle&) const { return false; }
 };
 
 struct BuildOptions {

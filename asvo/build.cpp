@@ -94,15 +94,6 @@ Grid gridAround(const glm::dvec3& lower, const glm::dvec3& upper, int depth) {
 
 namespace {
 
-std::uint32_t mortonOf(const glm::uvec3& cell, int levels) {
-  std::uint32_t key = 0;
-  for (int l = 0; l < levels; ++l) {
-    const glm::uvec3 bit = cell >> static_cast<std::uint32_t>(l) & 1u;
-    key |= (bit.x | bit.y << 1 | bit.z << 2) << (3 * l);
-  }
-  return key;
-}
-
 /// A triangle that is handed down through cells. Most small ones are decided by their bounds.
 class Spread {
  public:
@@ -114,6 +105,7 @@ class Spread {
     const std::uint32_t possible = octantsOf(lower_, upper_, p + half);
     if (std::has_single_bit(possible)) return possible;
     if (!exact_) exact_.emplace(triangle_, grid_);
+    if (!exact_->box) return possible;
     return possible & exact_->box->children(p, half, TriangleBox::kAllGroups);
   }
 
@@ -124,7 +116,7 @@ class Spread {
     const glm::vec3 low = glm::floor(lower_ * inverse);
     if (low != glm::floor(upper_ * inverse)) return false;
     if (low != glm::clamp(low, 0.0f, cells - 1.0f)) return false;
-    key = mortonOf(glm::uvec3(low), level);
+    key = mortonOf(glm::uvec3(low));
     return true;
   }
 
@@ -202,7 +194,7 @@ class SubTree {
     for (const std::uint32_t i : list) {
       source_.get(i, triangle);
       entries_.push_back({static_cast<std::uint32_t>(triangles_.size()), TriangleBox::kAllGroups});
-      triangles_.emplace_back(triangle, grid_);
+      triangles_.emplace_back(triangle, grid_).shade = uniformShade(source_, triangle);
     }
   }
 
@@ -224,7 +216,7 @@ class SubTree {
       ListEntry& entry = entries_[i];
       const GridTriangle& triangle = triangles_[entry.triangle];
       std::uint32_t octants = octantsOf(triangle.lower, triangle.upper, p + half);
-      if (!std::has_single_bit(octants)) {
+      if (triangle.box && !std::has_single_bit(octants)) {
         const TriangleBox& box = *triangle.box;
         entry.groups = static_cast<std::uint8_t>(box.undecided(p, 2.0f * half, entry.groups));
         octants &= box.children(p, half, entry.groups);
@@ -434,8 +426,8 @@ Tree emptyTree(const Grid& grid) {
 }
 
 std::uint64_t bytesOf(const Tree& tree) {
-  return tree.nodes.size() * (sizeof(uvec2) + 2 * sizeof(uvec4)) +
-         tree.leaves.size() * sizeof(uvec2) + tree.emitters.size() * sizeof(Emitter);
+  return tree.nodes.size() * kBytesPerNode + tree.leaves.size() * sizeof(uvec2) +
+         tree.emitters.size() * sizeof(Emitter);
 }
 
 namespace {
@@ -477,7 +469,8 @@ GridTriangle::GridTriangle(const Triangle& triangle, const Grid& grid)
   boundsOf(triangle, grid, lower, upper);
   const double length = glm::length(normal);
   normal = length > 0.0 ? normal / length : glm::dvec3(0.0, 0.0, 1.0);
-  if (glm::floor(lower) != glm::floor(upper)) box.emplace(vertex, normal, grid.tolerance());
+  const glm::bvec3 crosses = glm::notEqual(glm::floor(lower), glm::floor(upper));
+  if (crosses.x + crosses.y + crosses.z > 1) box.emplace(vertex, normal, grid.tolerance());
   for (int axis = 0; axis < 3; ++axis) {
     const double a = vertex[0][axis], b = vertex[1][axis], c = vertex[2][axis];
     const double thickness = std::max(a, std::max(b, c)) - std::min(a, std::min(b, c));
@@ -491,6 +484,7 @@ Tree Tree::build(const TriangleSource& source, const BuildOptions& options) {
   std::uint64_t maxLeaves = std::min(options.maxLeaves, kMaxLeaves);
   if (options.maxBytes > 0) maxLeaves = std::min(maxLeaves, options.maxBytes / kBytesPerLeaf);
   Grid grid = makeGrid(source, options, options.depth > 0 ? options.depth : 8);
+  grid.depth = possibleDepth(source, grid, maxLeaves, options.maxBytes);
   for (;; --grid.depth) {
     const bool last = grid.depth == 1;
     std::vector<LeafList> lists;

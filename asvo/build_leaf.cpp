@@ -38,8 +38,8 @@ glm::vec3 sane(const glm::vec3& v, float limit) {
   return {one(v.x), one(v.y), one(v.z)};
 }
 
-Shade shadeAt(const TriangleSource& source, const GridTriangle& triangle, double u, double v) {
-  Shade shade = source.shade(triangle.source, static_cast<float>(u), static_cast<float>(v));
+Shade shadeAt(const TriangleSource& source, const Triangle& triangle, double u, double v) {
+  Shade shade = source.shade(triangle, static_cast<float>(u), static_cast<float>(v));
   shade.albedo = sane(shade.albedo, 1.0f);
   shade.emission = sane(shade.emission, 1e30f);
   return shade;
@@ -58,7 +58,7 @@ Shade shadeAt(const TriangleSource& source, const GridTriangle& triangle, const 
     u = std::clamp((d22 * p1 - d12 * p2) / determinant, 0.0, 1.0);
     v = std::clamp((d11 * p2 - d12 * p1) / determinant, 0.0, 1.0 - u);
   }
-  return shadeAt(source, triangle, u, v);
+  return shadeAt(source, triangle.source, u, v);
 }
 
 /// Area-weighted normal, pointing to the side that has more faces.
@@ -74,6 +74,11 @@ glm::vec3 alignedNormal(std::span<const LeafBuilder::Piece> pieces) {
 }
 
 }  // namespace
+
+std::optional<Shade> uniformShade(const TriangleSource& source, const Triangle& triangle) {
+  if (!source.uniform(triangle)) return {};
+  return shadeAt(source, triangle, 1.0 / 3.0, 1.0 / 3.0);
+}
 
 const Tracer& packer() {
   static const Tree empty;
@@ -146,13 +151,13 @@ void LeafBuilder::start(const glm::vec3& p) {
 
 /// Sub-voxels of the leaf that a triangle touches.
 std::uint64_t LeafBuilder::touchedBy(const GridTriangle& triangle, GroupMask groups) const {
-  if (triangle.tiny()) {
-    const glm::ivec3 at(glm::floor(triangle.lower) - corner_);
-    if (glm::any(glm::greaterThan(glm::uvec3(at), glm::uvec3(3u)))) return 0;
-    return std::uint64_t{1} << (at.x + 4 * at.y + 16 * at.z);
-  }
-  const std::uint32_t octants = octantsOf(triangle.lower, triangle.upper, corner_ + 2.0f);
-  return triangle.box->subVoxels(corner_, octants, groups);
+  if (triangle.box) return triangle.box->subVoxels(corner_, groups);
+  const glm::vec3 low = glm::max(glm::floor(triangle.lower) - corner_, 0.0f);
+  const glm::vec3 high = glm::min(glm::floor(triangle.upper) - corner_, kSubVoxels - 1.0f);
+  if (!glm::all(glm::lessThanEqual(low, high))) return 0;
+  const glm::uvec3 first(low), last(high),
+      bits = (glm::uvec3(2u) << last) - (glm::uvec3(1u) << first);
+  return maskOfX(bits.x) & maskOfY(bits.y) & maskOfZ(bits.z);
 }
 
 void LeafBuilder::add(const GridTriangle& triangle, GroupMask groups) {
@@ -189,8 +194,9 @@ void LeafBuilder::add(const GridTriangle& triangle, GroupMask groups) {
   moments_.add(moments, share);
   piece.weight = moments.area * share * (1.0f / kFace) + kTrifle;
   piece.material = std::min(triangle.source.material, 65535u);
-  piece.shade = inside ? shadeAt(source_, triangle, 1.0 / 3.0, 1.0 / 3.0)
-                       : shadeAt(source_, triangle, centre + glm::dvec3(centroid));
+  piece.shade = triangle.shade ? *triangle.shade
+                : inside       ? shadeAt(source_, triangle.source, 1.0 / 3.0, 1.0 / 3.0)
+                               : shadeAt(source_, triangle, centre + glm::dvec3(centroid));
   pieces_.push_back(piece);
   corners_.insert(corners_.end(), polygon.corner, polygon.corner + polygon.count);
   if (pieces_.size() >= kMaxPieces) mergePieces();

@@ -14,8 +14,9 @@
 
 namespace asvo {
 
-/// Bytes of a leaf with light.
-inline constexpr std::uint64_t kBytesPerLeaf = 2 * sizeof(uvec2) + 2 * sizeof(uvec4);
+/// Bytes of a node with its voxel and light, and of a leaf.
+inline constexpr std::uint64_t kBytesPerNode = sizeof(uvec2) + 2 * sizeof(uvec4);
+inline constexpr std::uint64_t kBytesPerLeaf = kBytesPerNode + sizeof(uvec2);
 /// Sub-voxels a leaf edge.
 inline constexpr int kSubVoxels = 4;
 
@@ -31,6 +32,16 @@ struct Grid {
   double tolerance() const { return cells() * 1e-6; }
 };
 
+/// Morton code of a cell, x lowest; 10 bits an axis.
+inline std::uint32_t mortonOf(const glm::uvec3& cell) {
+  glm::uvec3 v = cell & 0x3ffu;
+  v = (v | v << 16u) & 0x030000ffu;
+  v = (v | v << 8u) & 0x0300f00fu;
+  v = (v | v << 4u) & 0x030c30c3u;
+  v = (v | v << 2u) & 0x09249249u;
+  return v.x | v.y << 1 | v.z << 2;
+}
+
 /// Bounds of a triangle on the grid, wider than the tolerance of all tests.
 void boundsOf(const Triangle& triangle, const Grid& grid, glm::vec3& lower, glm::vec3& upper);
 
@@ -42,10 +53,13 @@ struct GridTriangle {
   glm::dvec3 normal;       ///< unit; zero if the triangle has no area
   glm::vec3 lower, upper;  ///< bounds, wider than any test's tolerance
   int flatAxis;            ///< axis along which it is thinner than the tolerance, or -1
-  /// Whether its bounds lie in one sub-voxel, so that no test is ever needed.
-  bool tiny() const { return !box; }
+  /// Empty if the bounds lie in one row of sub-voxels: then every cell that they touch is touched.
   std::optional<TriangleBox> box;
+  std::optional<Shade> shade;  ///< if it is uniform and known
 };
+
+/// The shade of a triangle that has the same all over.
+std::optional<Shade> uniformShade(const TriangleSource& source, const Triangle& triangle);
 
 /// What filtering needs of a voxel beside its words.
 struct Surface {
@@ -118,6 +132,11 @@ LeafList buildSubTree(const TriangleSource& source, const Grid& grid, std::uint6
 
 /// Whether the builder takes a triangle: finite, and no sliver.
 bool isBuildable(const Triangle& triangle);
+
+/// A depth, at most the grid's, such that none between the two can keep the limits (maxBytes: 0 for
+/// none). It may not keep them itself.
+int possibleDepth(const TriangleSource& source, const Grid& grid, std::uint64_t maxLeaves,
+                  std::uint64_t maxBytes);
 
 /// The whole tree from lists of leaves in Morton order, of which none may be empty together.
 Tree assemble(std::vector<LeafList>& lists, const Grid& grid);

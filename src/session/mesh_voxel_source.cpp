@@ -49,8 +49,10 @@ vec2 weightsAt(const vec3 (&p)[3], const vec3& point) {
 
 MeshVoxelSource::MeshVoxelSource(const RayScene& rays, const Scene& scene,
                                  std::vector<Material> materials, const Visibility& visibility)
-    : images_(scene.images), materials_(std::move(materials)), visibility_(visibility) {
-  firsts_.push_back(0);
+    : images_(scene.images),
+      materials_(std::move(materials)),
+      plain_(plainShades(materials_, scene.images)),
+      visibility_(visibility) {
   const RayScene::Parts& parts = rays.parts();
   dmat4 world(1.0);
   world[3] = glm::dvec4(parts.world.gridOrigin(), 1.0);
@@ -59,6 +61,7 @@ MeshVoxelSource::MeshVoxelSource(const RayScene& rays, const Scene& scene,
     const SharedPlace place = placeOf(scene, parts, p);
     add(parts.shared[p.mesh], place.toRender, place.object == kNone ? kEvery : place.object);
   }
+  runTable_.finish();
   if (count() > 0xffffffffu) {
     fail(ExitCode::kMemoryOrDevice, "{}: {} triangles, voxels are built from at most 2^32",
          scene.source, count());
@@ -72,16 +75,14 @@ void MeshVoxelSource::add(const hccm::Mesh& mesh, const dmat4& toRender, int obj
   for (std::uint32_t c = 0; c < mesh.clusterCount(); ++c) {
     if (object == kEvery && !visibility_.shows(mesh.clusterObject(c))) continue;
     if (passesLight(materials_[mesh.clusterMaterial(c)])) continue;
-    runs_.push_back({place, c});
-    firsts_.push_back(firsts_.back() + mesh.clusterTriangleCount(c));
+    const bool plain = plain_[mesh.clusterMaterial(c)] && !mesh.triangle(c, 0).hasColors;
+    runs_.push_back({place, c, plain});
+    runTable_.add(mesh.clusterTriangleCount(c));
   }
 }
 
 const MeshVoxelSource::Run& MeshVoxelSource::find(std::uint64_t i, std::uint32_t& triangle) const {
-  const auto after = std::upper_bound(firsts_.begin() + 1, firsts_.end() - 1, i);
-  const auto which = static_cast<std::size_t>(after - firsts_.begin()) - 1;
-  triangle = static_cast<std::uint32_t>(i - firsts_[which]);
-  return runs_[which];
+  return runs_[runTable_.find(i, triangle)];
 }
 
 void MeshVoxelSource::whole(std::uint64_t i, vec3 (&position)[3], hccm::Triangle& source) const {
@@ -120,7 +121,13 @@ void MeshVoxelSource::get(std::uint64_t i, asvo::Triangle& triangle) const {
   triangle.position[2] = left[static_cast<std::size_t>(second) + 2];
 }
 
+bool MeshVoxelSource::uniform(const asvo::Triangle& triangle) const {
+  std::uint32_t number = 0;
+  return find(triangle.shadeKey / pieces(), number).plain;
+}
+
 asvo::Shade MeshVoxelSource::shade(const asvo::Triangle& triangle, float u, float v) const {
+  if (uniform(triangle)) return *plain_[triangle.material];
   hccm::Triangle source;
   vec3 p[3];
   whole(triangle.shadeKey / pieces(), p, source);

@@ -3,11 +3,13 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "asvo/asvo.h"
 #include "src/crays/ray_scene.h"
 #include "src/scene/scene.h"
+#include "src/session/run_table.h"
 
 namespace trex {
 
@@ -17,9 +19,10 @@ class MeshVoxelSource : public asvo::TriangleSource {
   /// Error(kMemoryOrDevice) for more than 2^32 - 1 triangles.
   MeshVoxelSource(const RayScene& rays, const Scene& scene, std::vector<Material> materials,
                   const Visibility& visibility);
-  std::uint64_t count() const override { return firsts_.back() * pieces(); }
+  std::uint64_t count() const override { return runTable_.count() * pieces(); }
   void get(std::uint64_t i, asvo::Triangle& triangle) const override;
   asvo::Shade shade(const asvo::Triangle& triangle, float u, float v) const override;
+  bool uniform(const asvo::Triangle& triangle) const override;
 
  private:
   struct Place {
@@ -29,6 +32,7 @@ class MeshVoxelSource : public asvo::TriangleSource {
   };
   struct Run {
     std::uint32_t place, cluster;
+    bool plain;  ///< shaded as plain_ of its material
   };
   /// A plane leaves up to two triangles of one.
   std::uint64_t pieces() const { return visibility_.cut ? 2 : 1; }
@@ -38,10 +42,11 @@ class MeshVoxelSource : public asvo::TriangleSource {
 
   const std::vector<Image>& images_;
   std::vector<Material> materials_;
+  std::vector<std::optional<asvo::Shade>> plain_;
   Visibility visibility_;
   std::vector<Place> places_;
   std::vector<Run> runs_;
-  std::vector<std::uint64_t> firsts_;  ///< number of the first triangle of each run, and of all
+  RunTable runTable_;  ///< triangles of each
 };
 
 }  // namespace trex

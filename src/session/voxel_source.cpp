@@ -1,7 +1,5 @@
 #include "src/session/voxel_source.h"
 
-#include <algorithm>
-
 #include "src/core/error.h"
 #include "src/crays/finish.h"
 #include "src/scene/emission.h"
@@ -54,18 +52,31 @@ asvo::Shade voxelShade(const Material& m, const std::vector<Image>& images, vec2
   return out;
 }
 
+std::vector<std::optional<asvo::Shade>> plainShades(const std::vector<Material>& materials,
+                                                    const std::vector<Image>& images) {
+  std::vector<std::optional<asvo::Shade>> out(materials.size());
+  for (std::size_t i = 0; i < materials.size(); ++i) {
+    const Material& m = materials[i];
+    if (m.baseColorTexture.present() || m.emissiveTexture.present()) continue;
+    out[i] = voxelShade(m, images, vec2(0.0f), vec4(1.0f));
+  }
+  return out;
+}
+
 VoxelSource::VoxelSource(const Scene& scene, std::vector<Material> materials,
                          const dvec3& renderOrigin)
-    : scene_(scene), materials_(std::move(materials)) {
-  firsts_.push_back(0);
+    : scene_(scene),
+      materials_(std::move(materials)),
+      plain_(plainShades(materials_, scene.images)) {
   for (const Instance& instance : scene.instances) {
     const Mesh& mesh = scene.meshes[static_cast<std::size_t>(instance.mesh)];
     if (passesLight(materials_[static_cast<std::size_t>(mesh.material)])) continue;
     const glm::dmat3 linear(instance.transform);
     const dvec3 origin(instance.transform * glm::dvec4(mesh.origin, 1.0));
     placed_.push_back({&mesh, linear, origin - renderOrigin, glm::determinant(linear) < 0.0});
-    firsts_.push_back(firsts_.back() + mesh.triangles.size());
+    runs_.add(mesh.triangles.size());
   }
+  runs_.finish();
   if (count() > 0xffffffffu) {
     fail(ExitCode::kMemoryOrDevice, "{}: {} placed triangles, voxels are built from at most 2^32",
          scene.source, count());
@@ -73,10 +84,9 @@ VoxelSource::VoxelSource(const Scene& scene, std::vector<Material> materials,
 }
 
 void VoxelSource::get(std::uint64_t i, asvo::Triangle& triangle) const {
-  const auto after = std::upper_bound(firsts_.begin() + 1, firsts_.end() - 1, i);
-  const auto which = static_cast<std::size_t>(after - firsts_.begin()) - 1;
-  const Placed& placed = placed_[which];
-  const glm::uvec3 t = placed.mesh->triangles[i - firsts_[which]];
+  std::uint32_t number = 0;
+  const Placed& placed = placed_[runs_.find(i, number)];
+  const glm::uvec3 t = placed.mesh->triangles[number];
   for (int k = 0; k < 3; ++k) {
     const vec3 p = placed.mesh->positions[t[k]];
     triangle.position[k] = vec3(placed.linear * dvec3(p) + placed.origin);
@@ -86,12 +96,18 @@ void VoxelSource::get(std::uint64_t i, asvo::Triangle& triangle) const {
   triangle.shadeKey = static_cast<std::uint32_t>(i);
 }
 
+bool VoxelSource::uniform(const asvo::Triangle& triangle) const {
+  if (!plain_[triangle.material]) return false;
+  std::uint32_t number = 0;
+  return placed_[runs_.find(triangle.shadeKey, number)].mesh->colors.empty();
+}
+
 asvo::Shade VoxelSource::shade(const asvo::Triangle& triangle, float u, float v) const {
   const Material& m = materials_[triangle.material];
-  const auto after = std::upper_bound(firsts_.begin() + 1, firsts_.end() - 1, triangle.shadeKey);
-  const auto which = static_cast<std::size_t>(after - firsts_.begin()) - 1;
-  const Placed& placed = placed_[which];
-  glm::uvec3 t = placed.mesh->triangles[triangle.shadeKey - firsts_[which]];
+  std::uint32_t number = 0;
+  const Placed& placed = placed_[runs_.find(triangle.shadeKey, number)];
+  if (plain_[triangle.material] && placed.mesh->colors.empty()) return *plain_[triangle.material];
+  glm::uvec3 t = placed.mesh->triangles[number];
   if (placed.mirrored) std::swap(t.y, t.z);
   const auto mix = [&](const auto& values) {
     return (1.0f - u - v) * values(t.x) + u * values(t.y) + v * values(t.z);

@@ -2,12 +2,14 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "asvo/asvo.h"
 #include "src/core/maths.h"
 #include "src/grays/shaderio.h"
 #include "src/scene/scene.h"
+#include "src/session/run_table.h"
 
 namespace trex {
 
@@ -17,9 +19,10 @@ class VoxelSource : public asvo::TriangleSource {
  public:
   /// `materials` are copied; of the scene, instances, images and arrays of meshes are read.
   VoxelSource(const Scene& scene, std::vector<Material> materials, const dvec3& renderOrigin);
-  std::uint64_t count() const override { return firsts_.back(); }
+  std::uint64_t count() const override { return runs_.count(); }
   void get(std::uint64_t i, asvo::Triangle& triangle) const override;
   asvo::Shade shade(const asvo::Triangle& triangle, float u, float v) const override;
+  bool uniform(const asvo::Triangle& triangle) const override;
 
  private:
   struct Placed {
@@ -30,8 +33,9 @@ class VoxelSource : public asvo::TriangleSource {
   };
   const Scene& scene_;
   std::vector<Material> materials_;
+  std::vector<std::optional<asvo::Shade>> plain_;
   std::vector<Placed> placed_;
-  std::vector<std::uint64_t> firsts_;  ///< number of the first triangle of each, and the total
+  RunTable runs_;  ///< triangles of each
 };
 
 /// Diffuse reflectance that a voxel keeps of a surface of this base colour: what
@@ -43,6 +47,9 @@ vec3 meanColor(const std::vector<Image>& images, const Texture& texture);
 /// part that is there.
 asvo::Shade voxelShade(const Material& material, const std::vector<Image>& images, vec2 uv,
                        const vec4& vertexColor);
+/// By material: the shade of surfaces without vertex colours, if no texture changes it.
+std::vector<std::optional<asvo::Shade>> plainShades(const std::vector<Material>& materials,
+                                                    const std::vector<Image>& images);
 
 /// What photons need to know of each material when they meet a voxel.
 std::vector<shaderio::PhotonMaterial> photonMaterials(const std::vector<Material>& materials,

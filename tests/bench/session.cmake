@@ -1,0 +1,2 @@
+add_executable(voxel_bench ${CMAKE_CURRENT_LIST_DIR}/voxel_bench.cpp)
+target_link_libraries(voxel_bench PRIVATE trex_session nlohmann_json::nlohmann_json)
