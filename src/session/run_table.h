@@ -8,7 +8,7 @@
 
 namespace trex {
 
-/// Filled by add(), then finish(); find() is thread safe.
+/// Filled by add(), then finish(); find() is thread safe. Fewer than 2^32 runs; 8 to 16 bytes each.
 class RunTable {
  public:
   void add(std::uint64_t length) { firsts_.push_back(firsts_.back() + length); }
@@ -20,9 +20,9 @@ class RunTable {
     std::size_t run = 0;
     for (std::uint64_t i = 0; i < count(); i += std::uint64_t{1} << shift_) {
       while (firsts_[run + 1] <= i) ++run;
-      starts_.push_back(run);
+      starts_.push_back(static_cast<std::uint32_t>(run));
     }
-    starts_.push_back(firsts_.size() - 2);
+    starts_.push_back(static_cast<std::uint32_t>(firsts_.size() - 2));
   }
   /// Of all runs.
   std::uint64_t count() const { return firsts_.back(); }
@@ -39,7 +39,7 @@ class RunTable {
 
  private:
   std::vector<std::uint64_t> firsts_{0};  ///< number of the first of each run, and of all
-  std::vector<std::size_t> starts_;       ///< run of the first number of each block, and the last
+  std::vector<std::uint32_t> starts_;     ///< run of the first number of each block, and the last
   int shift_ = 0;
 };
 
