@@ -247,7 +247,7 @@ class MtlReader {
     if (parseNumber(nextWord(line), value) && value == 0.0) return;
     constexpr std::size_t kMost = 30;
     if (said_.size() < kMost && said_.insert(std::string(keyword.substr(0, 40))).second) {
-    ignored_.append(" ").append(utf8Of(keyword.substr(0, 40)));
+      ignored_.append(" ").append(utf8Of(keyword.substr(0, 40)));
     }
   }
 
