@@ -343,7 +343,7 @@ void addBakeCommand(CLI::App& app) {
   auto a = std::make_shared<BakeArguments>();
   CLI::App* c = app.add_subcommand("bake", "Make a model ready for rays and keep it in one file");
   c->add_option("INPUT", a->input,
-                "Model: .gltf .glb .ply .obj .stl .xml, or synth:NAME?triangles=N&seed=S")
+                "Model: .gltf .glb .ply .obj .stl .xml .pbrt, or synth:NAME?triangles=N&seed=S")
       ->required();
   c->add_option("-o,--output", a->output, "Bundle: X.trex")->required();
   c->add_option("--depth", a->depth, "Levels of voxels below the root")

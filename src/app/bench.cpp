@@ -210,7 +210,7 @@ void addHccmeshBench(CLI::App& bench) {
   auto a = std::make_shared<Arguments>();
   CLI::App* c = bench.add_subcommand(
       "hccmesh", "Bytes a triangle and rays a second, against Embree's own triangles");
-  c->add_option("INPUT", a->bench.input, "Model: .gltf .glb .ply .obj .stl .xml")->required();
+  c->add_option("INPUT", a->bench.input, "Model: .gltf .glb .ply .obj .stl .xml .pbrt")->required();
   c->add_option("--camera", a->bench.camera, "NAME or EYE/TARGET/UP/VFOV [the scene's first]");
   c->add_option("--precision", a->bench.precisionBits, "Grid cells along the extent: 2^bits")
       ->check(CLI::Range(8, 24))
@@ -252,7 +252,7 @@ void addBenchCommand(CLI::App& app, int& exitCode) {
   addBenchAsvoCommand(*bench);
   CLI::App* c =
       bench->add_subcommand("tradeoff", "Error over time for several shares of exactness");
-  c->add_option("SCENE", a->scenes, "Models: .gltf .glb .ply .obj .stl .xml");
+  c->add_option("SCENE", a->scenes, "Models: .gltf .glb .ply .obj .stl .xml .pbrt");
   c->add_option(
        "--reference", a->references,
        "Reference picture: one a scene, a folder with NAME.exr, or auto: exact mode [auto]")

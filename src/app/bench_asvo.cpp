@@ -334,7 +334,8 @@ void addBenchAsvoCommand(CLI::App& bench) {
   auto a = std::make_shared<AsvoArguments>();
   CLI::App* c = bench.add_subcommand(
       "asvo", "Voxels of a model: size, build and cones a second against Embree's rays");
-  c->add_option("INPUT", a->render.input, "A model: .gltf .glb .ply .obj .stl .xml")->required();
+  c->add_option("INPUT", a->render.input, "A model: .gltf .glb .ply .obj .stl .xml .pbrt")
+      ->required();
   c->add_option("--depth", a->depth, "Levels below the root; leaves hold 4^3 sub-voxels")
       ->check(CLI::Range(1, static_cast<int>(asvo::ASVO_MAX_DEPTH)))
       ->capture_default_str();

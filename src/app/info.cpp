@@ -421,7 +421,8 @@ void addInfoCommand(CLI::App& app) {
   };
   auto a = std::make_shared<Arguments>();
   CLI::App* c = app.add_subcommand("info", "Tell what is in a file, and check it");
-  c->add_option("FILE", a->file, "Bundle, .hccm, .asvo, or model: .gltf .glb .ply .obj .stl .xml")
+  c->add_option("FILE", a->file,
+                "Bundle, .hccm, .asvo, or model: .gltf .glb .ply .obj .stl .xml .pbrt")
       ->required();
   c->add_flag("--verify", a->verify, "Check every byte of a bundle");
   addImportOptions(*c, a->import);

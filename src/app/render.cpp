@@ -135,9 +135,9 @@ void addFileOptions(CLI::App& c, RenderArguments& a) {
 void addRenderCommand(CLI::App& app, int& exitCode) {
   auto a = std::make_shared<RenderArguments>();
   CLI::App* c = app.add_subcommand("render", "Render a model to a picture without a window");
-  c->add_option(
-       "INPUT", a->input,
-       "Model: .gltf .glb .ply .obj .stl .xml, a baked .trex, or synth:NAME?triangles=N&seed=S")
+  c->add_option("INPUT", a->input,
+                "Model: .gltf .glb .ply .obj .stl .xml .pbrt, a baked .trex, or "
+                "synth:NAME?triangles=N&seed=S")
       ->required();
   c->add_option("-o,--output", a->output, "Picture: .exr (linear), .png or .jpg (tone-mapped)")
       ->required();

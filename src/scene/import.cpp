@@ -75,8 +75,8 @@ void checkReadable(const std::filesystem::path& path) {
   }
   if (!std::filesystem::exists(status)) fail(ExitCode::kInput, "{}: no such file", name);
   if (std::filesystem::is_directory(status)) {
-    fail(ExitCode::kInput, "{}: is a folder; give a .gltf, .glb, .ply, .obj, .stl or .xml file",
-         name);
+    fail(ExitCode::kInput,
+         "{}: is a folder; give a .gltf, .glb, .ply, .obj, .stl, .xml or .pbrt file", name);
   }
   if (!std::filesystem::is_regular_file(status)) {
     fail(ExitCode::kInput,
@@ -138,7 +138,8 @@ Scene readByExtension(const std::filesystem::path& path, const ImportOptions& op
     return scene;
   }
   fail(ExitCode::kInput,
-       "{}: unknown extension '{}'; .gltf, .glb, .ply, .obj, .stl, .xml (Mitsuba) and what assimp "
+       "{}: unknown extension '{}'; .gltf, .glb, .ply, .obj, .stl, .xml (Mitsuba), .pbrt and what "
+       "assimp "
        "knows (.fbx, "
        ".dae, .3ds, .3mf, ...) can be read",
        path.string(), extension);

@@ -23,7 +23,7 @@ struct Texts {
 
 void addOptions(CLI::App& c, Texts& t, ViewArguments& a) {
   RenderSettings& s = a.viewer.settings;
-  c.add_option("INPUT", t.input, "Model: .gltf .glb .ply .obj .stl .xml, or a baked .trex");
+  c.add_option("INPUT", t.input, "Model: .gltf .glb .ply .obj .stl .xml .pbrt, or a baked .trex");
   c.add_option("--edits", t.edits, "Edits to start from: a .json that the viewer has saved");
   c.add_option("--volume", a.viewer.volumes, kVolumeHelp)->allow_extra_args(false);
   addImportOptions(c, a.viewer.import);
