@@ -1,5 +1,5 @@
-// Reading models: .gltf .glb .ply .obj .stl, Mitsuba's .xml (docs/formats.md), and what assimp
-// knows (assimp_file.cpp). Every file may be hostile; sizes are checked before use.
+// Reading models: .gltf .glb .ply .obj .stl, Mitsuba's .xml, .pbrt (docs/formats.md), and what
+// assimp knows (assimp_file.cpp). Every file may be hostile; sizes are checked before use.
 //
 // glTF 2.0: triangles, strips and fans, all index and sparse accessors, vertex colours, node
 // transforms and instances, skins and morph targets at rest or at a moment of an animation,
