@@ -9,6 +9,7 @@
 #include "src/crays/caustics.h"
 #include "src/crays/ray_scene.h"
 #include "src/scene/import.h"
+#include "src/scene/texture.h"
 
 namespace trex::bundle {
 namespace {
@@ -40,7 +41,7 @@ std::vector<Requirement> requirementsOf(const Scene& scene, bool voxels) {
     const Material& material = scene.materials[static_cast<std::size_t>(mesh.material)];
     const std::uint64_t n = mesh.positions.size();
     normals.count(!mesh.normals.empty(), n);
-    texCoords.count(!mesh.texCoords.empty() && usesTextures(material), n);
+    texCoords.count(!mesh.texCoords.empty() && readsTexCoords(material), n);
     colors.count(!mesh.colors.empty(), n);
     transparent |= material.alphaMode != AlphaMode::kOpaque || material.transmission > 0.0f;
     scatters |= !material.unlit;

@@ -97,9 +97,6 @@ struct Surface {
   }
 };
 
-/// Whether a material reads any texture: texture coordinates are stored just for these.
-bool usesTextures(const Material& material);
-
 class RayScene {
  public:
   static constexpr std::uint32_t kWorldMesh = 0xffffffffu;

@@ -14,6 +14,7 @@
 #include "src/core/error.h"
 #include "src/core/log.h"
 #include "src/crays/ray_scene_surface.h"
+#include "src/scene/texture.h"
 
 namespace trex {
 namespace {
@@ -29,7 +30,7 @@ hccm::Part partOf(const Scene& scene, const Mesh& mesh) {
   part.triangles = mesh.triangles;
   part.normals = mesh.normals;
   part.colors = mesh.colors;
-  if (usesTextures(scene.materials[static_cast<std::size_t>(mesh.material)]))
+  if (readsTexCoords(scene.materials[static_cast<std::size_t>(mesh.material)]))
     part.texCoords = mesh.texCoords;
   part.material = static_cast<std::uint32_t>(mesh.material);
   return part;
@@ -243,11 +244,6 @@ RayScene::Parts PartsBuilder::build() {
 }
 
 }  // namespace
-
-bool usesTextures(const Material& m) {
-  // The direction of anisotropy is that of texture coordinates.
-  return m.textured() || m.finish.anisotropy > 0.0f;
-}
 
 SharedPlace placeOf(const Scene& scene, const RayScene::Parts& parts,
                     const RayScene::Parts::Placed& placed) {

@@ -227,9 +227,28 @@ class MtlReader {
       readDissolve(line);
     } else if (keyword == "tr") {
       if (const auto n = number(nextWord(line), 0.0, 1.0)) read_.transparency = n;
-    } else if (!kSilent.contains(keyword)) {
+    } else if (!readFinish(keyword, line) && !kSilent.contains(keyword)) {
       ignore(keyword, line);
     }
+  }
+
+  /// Pc, Pcr, Ps, aniso, anisor of the PBR extension; false if it is none of them.
+  bool readFinish(std::string_view keyword, std::string_view line) {
+    constexpr float kSheenRoughness = 0.5f;  // which the extension does not have
+    Finish& f = material().finish;
+    if (keyword == "ps") {
+      if (const auto c = color(line, 1.0)) f.sheenColor = *c, f.sheenRoughness = kSheenRoughness;
+      return true;
+    }
+    float* const target = keyword == "pc"       ? &f.clearcoat
+                          : keyword == "pcr"    ? &f.clearcoatRoughness
+                          : keyword == "aniso"  ? &f.anisotropy
+                          : keyword == "anisor" ? &f.anisotropyRotation
+                                                : nullptr;
+    if (target == nullptr) return false;
+    const float turn = keyword == "anisor" ? 2.0f * kPi : 1.0f;  // a share of it is given
+    if (const auto n = number(nextWord(line), 0.0, 1.0)) *target = turn * *n;
+    return true;
   }
 
   void readDissolve(std::string_view line) {

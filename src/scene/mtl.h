@@ -10,10 +10,11 @@
 //   d         opacity: alpha blending. Tr alone is 1 - opacity, but for `Tr 1`, which exporters of
 //             scans write for what is opaque. Of both, d counts; `d 0` with `Tr 0` is opaque
 //   map_d     opacity, multiplied by d: the image's alpha if it has any, else its brightness
+//   Pc Pcr Ps aniso anisor  clear coat, sheen (roughness 0.5), anisotropy (anisor: share of a turn)
 //   norm      a normal map. map_Bump, bump: one too if its colours are those of normals, else
 //             heights, whose slopes are taken a texel at a time
 //
-// Absent: base colour 0.6, no specular reflection. What is not shown (Pc, Ps, refl, disp, decal and
+// Absent: base colour 0.6, no specular reflection. What is not shown (refl, disp, decal and
 // others) is said. Statements are read as statements.h tells.
 #pragma once
 

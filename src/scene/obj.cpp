@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "src/scene/obj_reader.h"
+#include "src/scene/texture.h"
 
 namespace trex::detail {
 namespace {
@@ -16,7 +17,7 @@ class ObjScene : ObjReader {
     for (auto& [group, part] : parts_) {
       const auto& corners = part.table.corners();
       const bool uv =
-          (options().geometryOnly || scene_.materials[group.material].textured()) &&
+          (options().geometryOnly || readsTexCoords(scene_.materials[group.material])) &&
           std::any_of(corners.begin(), corners.end(), [](const ObjCorner& c) { return c[1] >= 0; });
       addMesh(group, meshOf(group, corners, std::move(part.triangles), uv));
       part = {};

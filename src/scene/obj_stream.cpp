@@ -5,6 +5,7 @@
 
 #include "src/scene/obj_reader.h"
 #include "src/scene/streamed.h"
+#include "src/scene/texture.h"
 
 namespace trex::detail {
 namespace {
@@ -90,7 +91,7 @@ class ObjStream : public TriangleStream, ObjReader {
   }
 
   bool texCoordsOf(const ObjGroup& group) const {
-    return texCoordsIn_.at(group) && scene_.materials[group.material].textured();
+    return texCoordsIn_.at(group) && readsTexCoords(scene_.materials[group.material]);
   }
   std::uint64_t endOf(std::size_t run) const {
     return run + 1 < runs_.size() ? runs_[run + 1].first : triangles_.size();

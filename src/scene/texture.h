@@ -17,6 +17,10 @@ inline vec4 readTexture(const std::vector<Image>& images, const Texture& texture
   return sampleTexture(images[static_cast<std::size_t>(texture.image)], texture, uv, srgb);
 }
 
+/// Whether a surface's texture coordinates count: those of textures, and for the direction of
+/// anisotropy.
+inline bool readsTexCoords(const Material& m) { return m.textured() || m.finish.anisotropy > 0.0f; }
+
 /// Mean of the texture over its image (linear), for light selection.
 vec4 textureMean(const Image& image, bool srgb);
 

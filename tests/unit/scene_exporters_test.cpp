@@ -261,10 +261,16 @@ TEST_F(SceneExporters, MapsOfMtlThatShareAnImageHere) {
   // Heights 0.2126, 0.7152; 0.0722, 1, repeated: their slopes cancel, as each row has period 2.
   EXPECT_NEAR(texel(m.normalTexture, 0, 0).x, 0.5f, 0.003f);
   EXPECT_NEAR(texel(m.normalTexture, 0, 0).z, 1.0f, 0.003f);
-  m = material("Ke 0 0 0\nmap_Ke a.png\nmap_Ks a.png\nPc 1\nPs 0.5\nrefl sky.png\n");
+  m = material("Ke 0 0 0\nmap_Ke a.png\nmap_Ks a.png\nrefl sky.png\n");
   EXPECT_FALSE(m.emits());
   EXPECT_EQ(m.specular, 1.0f);
-  EXPECT_TRUE(anyWarning(scene_, "not shown: pc ps refl"));
+  EXPECT_TRUE(anyWarning(scene_, "not shown: refl"));
+  m = material("Pc 1\nPcr 0.2\nPs 0.1 0.2 0.3\naniso 0.4\nanisor 0.25\n");
+  EXPECT_EQ(m.finish.clearcoat, 1.0f);
+  EXPECT_EQ(m.finish.clearcoatRoughness, 0.2f);
+  EXPECT_EQ(m.finish.sheenColor, vec3(0.1f, 0.2f, 0.3f));
+  EXPECT_EQ(m.finish.anisotropy, 0.4f);
+  EXPECT_FLOAT_EQ(m.finish.anisotropyRotation, 0.5f * kPi);
 }
 
 /// A roof of two faces: smoothed they share the ridge's normal, flat they have none.
