@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <utility>
 
 #include "src/crays/caustics.h"
 
@@ -55,7 +56,8 @@ CausticMap::CausticMap(std::span<const CausticPhoton> photons, const CausticWidt
     byLevel[widths.level(p, Sampler(0x73706f74u, i, 0).next2D())].push_back(p);
   }
   for (std::uint32_t level = 0; level < CausticWidths::kLevels; ++level) {
-    if (!byLevel[level].empty()) grids_.emplace_back(byLevel[level], widths.radius(level) * shrink);
+    if (byLevel[level].empty()) continue;
+    grids_.emplace_back(std::move(byLevel[level]), widths.radius(level) * shrink);
   }
 }
 
@@ -65,15 +67,28 @@ std::size_t CausticMap::size() const {
   return sum;
 }
 
-CausticMap::Grid::Grid(std::span<const CausticPhoton> all, float width) : radius(width) {
+CausticMap::Grid::Grid(std::vector<CausticPhoton> all, float width)
+    : radius(width), photons(std::move(all)) {
+  std::vector<std::pair<std::size_t, Entry>> placed;
   std::size_t buckets = 1;
-  while (buckets < all.size()) buckets *= 2;
+  while (buckets < 2 * photons.size()) buckets *= 2;
   firsts.assign(buckets + 1, 0);
-  for (const CausticPhoton& p : all) ++firsts[bucket(cell(p.position)) + 1];
+  for (std::uint32_t i = 0; i < photons.size(); ++i) {
+    const vec3& p = photons[i].position;
+    const glm::ivec3 lower = cell(p - radius), upper = glm::min(cell(p + radius), lower + 1);
+    for (glm::ivec3 c = lower; c.z <= upper.z; ++c.z) {
+      for (c.y = lower.y; c.y <= upper.y; ++c.y) {
+        for (c.x = lower.x; c.x <= upper.x; ++c.x) {
+          placed.emplace_back(bucket(c), Entry{p, i << 3 | parity(c)});
+          ++firsts[placed.back().first + 1];
+        }
+      }
+    }
+  }
   for (std::size_t i = 1; i <= buckets; ++i) firsts[i] += firsts[i - 1];
   std::vector<std::uint32_t> next(firsts.begin(), firsts.end() - 1);
-  photons.resize(all.size());
-  for (const CausticPhoton& p : all) photons[next[bucket(cell(p.position))]++] = p;
+  entries.resize(placed.size());
+  for (const auto& [at, entry] : placed) entries[next[at]++] = entry;
 }
 
 glm::ivec3 CausticMap::Grid::cell(const vec3& position) const {
@@ -82,30 +97,23 @@ glm::ivec3 CausticMap::Grid::cell(const vec3& position) const {
 }
 
 std::size_t CausticMap::Grid::bucket(const glm::ivec3& c) const {
+  const glm::uvec3 u(c);
   const std::uint32_t key =
-      hashCombine(hashCombine(static_cast<std::uint32_t>(c.x), static_cast<std::uint32_t>(c.y)),
-                  static_cast<std::uint32_t>(c.z));
-  return key & (firsts.size() - 2);
+      (u.x * 0x9e3779b1u ^ u.y * 0x85ebca77u ^ u.z * 0xc2b2ae3du) * 0x27d4eb2fu;
+  return (key ^ key >> 15) & (firsts.size() - 2);
 }
 
 /// Calls use(photon, distance^2) for all within the radius.
 template <typename Use>
 void CausticMap::Grid::forNear(const vec3& position, const Use& use) const {
-  const glm::ivec3 lower = cell(position - radius), upper = cell(position + radius);
-  for (int z = lower.z; z <= upper.z; ++z) {
-    for (int y = lower.y; y <= upper.y; ++y) {
-      for (int x = lower.x; x <= upper.x; ++x) {
-        const glm::ivec3 here(x, y, z);
-        const std::size_t b = bucket(here);
-        for (std::uint32_t i = firsts[b]; i < firsts[b + 1]; ++i) {
-          const vec3 off = photons[i].position - position;
-          const float distance2 = glm::dot(off, off);
-          // Other cells may share the bucket.
-          if (distance2 >= radius * radius || cell(photons[i].position) != here) continue;
-          use(photons[i], distance2);
-        }
-      }
-    }
+  const glm::ivec3 here = cell(position);
+  const std::size_t b = bucket(here);
+  for (std::uint32_t i = firsts[b]; i < firsts[b + 1]; ++i) {
+    const Entry& entry = entries[i];
+    const vec3 off = entry.position - position;
+    const float distance2 = glm::dot(off, off);
+    if (distance2 >= radius * radius || (entry.photon & 7u) != parity(here)) continue;
+    use(photons[entry.photon >> 3], distance2);
   }
 }
 

@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <bit>
 #include <cmath>
 
 #include "src/core/clock.h"
@@ -8,10 +7,9 @@
 namespace trex {
 namespace {
 
-// Photons a sample: a quarter of the pixels; of a map.
+// Photons of a map: a quarter of the pixels. Of all maps that are kept.
 constexpr std::uint64_t kFewestCaustics = 1u << 11, kMostCaustics = 1u << 15;
-constexpr std::uint64_t kLargestMap = 1u << 17;
-constexpr std::size_t kKeptMaps = 4;
+constexpr std::uint64_t kKept = 1u << 19;
 constexpr double kShrink = 2.0 / 3.0;  // alpha of [Knaus and Zwicker 2011]
 constexpr std::uint32_t kOfWidths = 0xffffffffu, kWidthPhotons = 1u << 14;  // no map's
 constexpr double kInWidth = 6.0, kLeastInWidth = 6.0;  // photons of the first map
@@ -25,33 +23,26 @@ bool CausticMaps::needed(const Scene& scene) {
   return bends && lit;
 }
 
-CausticMaps::Plan CausticMaps::plan(std::uint32_t sample) const {
-  const auto each =
-      static_cast<std::uint32_t>(std::clamp(pixels_ / 4, kFewestCaustics, kMostCaustics));
-  const auto most = std::bit_floor(static_cast<std::uint32_t>(kLargestMap / each));
-  const auto map = static_cast<std::uint32_t>(std::bit_width(sample));
-  const std::uint32_t samples = sample == 0 ? 1 : std::bit_floor(sample);
-  if (samples <= most) return {map, each * samples, sample == 0 ? 1 : 2 * samples};
-  const std::uint32_t later = (sample - 2 * most) / most;
-  return {static_cast<std::uint32_t>(std::bit_width(most)) + 1 + later, each * most,
-          2 * most + (later + 1) * most};
+std::uint32_t CausticMaps::photonsOfMap() const {
+  return static_cast<std::uint32_t>(std::clamp(pixels_ / 4, kFewestCaustics, kMostCaustics));
 }
 
 void CausticMaps::start() {
   lights_ = std::make_unique<const CausticLights>(scene_, rays_, seed_);
   const auto photons = lights_->shoot(kOfWidths, kWidthPhotons);
   shot_ += kWidthPhotons;
-  const double share = static_cast<double>(kWidthPhotons) / plan(0).photons;
+  const double share = static_cast<double>(kWidthPhotons) / photonsOfMap();
   widths_ = std::make_unique<const CausticWidths>(photons, lights_->sceneRadius(),
                                                   std::max(kInWidth * share, kLeastInWidth));
 }
 
-std::unique_ptr<const CausticMap> CausticMaps::make(const Plan& plan) {
-  auto photons = lights_->shoot(plan.map, plan.photons);
-  for (CausticPhoton& p : photons) p.power /= static_cast<float>(plan.photons);
-  shot_ += plan.photons;
+std::unique_ptr<const CausticMap> CausticMaps::make(std::uint32_t sample) {
+  const std::uint32_t count = photonsOfMap();
+  auto photons = lights_->shoot(sample, count);
+  for (CausticPhoton& p : photons) p.power /= static_cast<float>(count);
+  shot_ += count;
   // r_{s+1}^2 = r_s^2 (s + alpha) / (s + 1), in closed form.
-  const double s = plan.lastSample;
+  const double s = sample + 1.0;
   const double square =
       std::exp(std::lgamma(s + kShrink) - std::lgamma(1.0 + kShrink) - std::lgamma(s + 1.0));
   return std::make_unique<const CausticMap>(photons, *widths_,
@@ -59,38 +50,27 @@ std::unique_ptr<const CausticMap> CausticMaps::make(const Plan& plan) {
 }
 
 void CausticMaps::prepare(std::span<const std::uint32_t> samples) {
-  std::vector<Plan> wanted;
+  const std::size_t most = std::max<std::size_t>(kKept / photonsOfMap(), samples.size());
   for (const std::uint32_t sample : samples) {
-    const Plan p = plan(sample);
-    const auto same = [&](const auto& other) { return other.map == p.map; };
-    if (std::none_of(wanted.begin(), wanted.end(), same)) wanted.push_back(p);
-  }
-  const auto isWanted = [&](const Kept& kept) {
-    return std::any_of(wanted.begin(), wanted.end(),
-                       [&](const Plan& p) { return p.map == kept.map; });
-  };
-  for (const Plan& p : wanted) {
-    if (std::any_of(maps_.begin(), maps_.end(), [&](const Kept& k) { return k.map == p.map; })) {
-      continue;
-    }
+    if (find(sample) != nullptr) continue;
     const double mark = secondsNow();
     if (!lights_) start();
     if (!lights_->any()) return;
-    if (maps_.size() >= kKeptMaps) {
-      const auto old = std::find_if_not(maps_.begin(), maps_.end(), isWanted);
-      if (old != maps_.end()) maps_.erase(old);
+    if (maps_.size() >= most) {
+      const auto isWanted = [&](const Kept& kept) {
+        return std::find(samples.begin(), samples.end(), kept.sample) != samples.end();
+      };
+      maps_.erase(std::find_if_not(maps_.begin(), maps_.end(), isWanted));
     }
-    maps_.push_back({p.map, make(p)});
+    maps_.push_back({sample, make(sample)});
     seconds_ += secondsNow() - mark;
   }
 }
 
 const CausticMap* CausticMaps::find(std::uint32_t sample) const {
-  const std::uint32_t map = plan(sample).map;
-  for (const Kept& kept : maps_) {
-    if (kept.map == map) return kept.photons.get();
-  }
-  return nullptr;
+  const auto at = std::find_if(maps_.begin(), maps_.end(),
+                               [&](const Kept& kept) { return kept.sample == sample; });
+  return at == maps_.end() ? nullptr : at->photons.get();
 }
 
 }  // namespace trex

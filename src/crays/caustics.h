@@ -65,13 +65,23 @@ class CausticMap {
   std::size_t size() const;
 
  private:
-  /// Photons of one radius, in cells two radii wide.
+  /// Photons of one radius. Each stands in all cells, two radii wide, that its disk may reach, so
+  /// that a place asks its own cell alone.
   struct Grid {
+    struct Entry {
+      vec3 position;
+      std::uint32_t photon;  ///< its number times 8, and the cell's parity
+    };
     float radius;
-    std::vector<CausticPhoton> photons;  ///< by bucket, then in their order
-    std::vector<std::uint32_t> firsts;   ///< of each bucket, and the end
-    Grid(std::span<const CausticPhoton> photons, float radius);
+    std::vector<CausticPhoton> photons;
+    std::vector<Entry> entries;         ///< by bucket, then by photon
+    std::vector<std::uint32_t> firsts;  ///< of each bucket, and the end
+    Grid(std::vector<CausticPhoton> photons, float radius);
     glm::ivec3 cell(const vec3& position) const;
+    /// No two cells of a photon have the same.
+    static std::uint32_t parity(const glm::ivec3& c) {
+      return static_cast<std::uint32_t>((c.x & 1) | (c.y & 1) << 1 | (c.z & 1) << 2);
+    }
     std::size_t bucket(const glm::ivec3& cell) const;
     template <typename Use>
     void forNear(const vec3& position, const Use& use) const;
@@ -120,9 +130,9 @@ class CausticLights {
   bool any_ = false;
 };
 
-/// The maps of a picture: sample number s of every pixel reads map(s), which depends on the scene,
-/// the seed, the number of pixels and s alone. Samples 2^k .. 2^(k+1) - 1 share a map of as many
-/// photons, until maps have their largest size.
+/// The maps of a picture: sample number s of every pixel reads map s, which depends on the scene,
+/// the seed, the number of pixels and s alone. All maps have as many photons, so that the cost of a
+/// sample does not grow.
 class CausticMaps {
  public:
   /// Whether a scene has caustics: point-like lights, and mirrors or glass.
@@ -140,16 +150,13 @@ class CausticMaps {
   double seconds() const { return seconds_; }
 
  private:
-  struct Plan {
-    std::uint32_t map, photons, lastSample;
-  };
   struct Kept {
-    std::uint32_t map;
+    std::uint32_t sample;
     std::unique_ptr<const CausticMap> photons;
   };
-  Plan plan(std::uint32_t sample) const;
+  std::uint32_t photonsOfMap() const;
   void start();
-  std::unique_ptr<const CausticMap> make(const Plan& plan);
+  std::unique_ptr<const CausticMap> make(std::uint32_t sample);
 
   const Scene& scene_;
   const RayScene& rays_;

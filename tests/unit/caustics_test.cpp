@@ -228,9 +228,9 @@ TEST(Caustics, MapsDependOnNothingButTheirNumber) {
   ASSERT_NE(a, nullptr);
   ASSERT_NE(b, nullptr);
   ASSERT_EQ(a->size(), b->size());
-  EXPECT_GT(a->size(), 1000u);
-  EXPECT_EQ(forward.find(7), a);  // the samples of a map
-  EXPECT_EQ(forward.find(8), nullptr);
+  EXPECT_GT(a->size(), 250u);
+  EXPECT_NE(forward.find(3), nullptr);
+  EXPECT_EQ(forward.find(5), nullptr);
   EXPECT_EQ(single.find(3), nullptr);
 }
 
