@@ -61,6 +61,7 @@
 #include <vector>
 
 #include "hccmesh/bytes.h"
+#include "hccmesh/expanded.h"
 #include "hccmesh/top_level.h"
 
 namespace hccm {
@@ -192,7 +193,13 @@ class Mesh {
   static Mesh fromPage(const ClusterPage& page, const Mesh& grid);
 
   std::span<const std::byte> bytes() const { return bytes_; }
-  std::uint64_t topLevelBytes() const { return top_.bytes(); }  ///< not in bytes()
+  /// Of all hierarchies over clusters; not in bytes().
+  std::uint64_t topLevelBytes() const {
+    return top_.bytes() + (expanded_ ? expanded_->bytes() : 0);
+  }
+  /// Makes rays two to three times as fast, with the same bits, for about 48 bytes a triangle more.
+  /// Not while rays are traced.
+  void expand();
   std::uint64_t triangleCount() const;
   std::uint64_t droppedTriangles() const;  ///< of the source
   std::uint32_t clusterCount() const;
@@ -246,6 +253,8 @@ class Mesh {
   using OccludedFunction = bool (*)(const std::byte*, const PreparedRay&, std::uint32_t);
   using IntersectMeshFunction = bool (*)(const MeshView&, PreparedRay&, Hit&);
   using OccludedMeshFunction = bool (*)(const MeshView&, const PreparedRay&);
+  using IntersectExpandedFunction = bool (*)(const MeshView&, const Expanded&, PreparedRay&, Hit&);
+  using OccludedExpandedFunction = bool (*)(const MeshView&, const Expanded&, const PreparedRay&);
   static constexpr unsigned kBlobShift = 4;  ///< layout::kTableShift
 
   explicit Mesh(Bytes bytes);
@@ -258,11 +267,16 @@ class Mesh {
   std::shared_ptr<const void> owner_;     ///< of bytes_
   const std::uint32_t* table_ = nullptr;  ///< inside bytes_
   float step_ = 1.0f, cells_ = 1.0f;      ///< metres a cell, cells a metre
+  MeshView view() const;
+
   TopLevel top_;
-  IntersectFunction intersect_ = nullptr;  ///< chosen for this processor when the mesh is made
+  std::shared_ptr<const Expanded> expanded_;  ///< null: rays meet clusters
+  IntersectFunction intersect_ = nullptr;     ///< chosen for this processor when the mesh is made
   OccludedFunction occluded_ = nullptr;
   IntersectMeshFunction intersectMesh_ = nullptr;
   OccludedMeshFunction occludedMesh_ = nullptr;
+  IntersectExpandedFunction intersectExpanded_ = nullptr;
+  OccludedExpandedFunction occludedExpanded_ = nullptr;
   void (*corners_)(const std::byte* record, std::uint32_t place, std::uint32_t* vertex) = nullptr;
   const char* targetName_ = "";
 

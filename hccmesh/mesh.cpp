@@ -195,12 +195,23 @@ Triangle Mesh::triangle(std::uint32_t cluster, std::uint32_t index) const {
   return out;
 }
 
+MeshView Mesh::view() const { return {top_.nodes().data(), bytes_.data(), table_}; }
+
+void Mesh::expand() {
+  if (expanded_ || clusterCount() == 0) return;
+  expanded_ = std::make_shared<const Expanded>(*this);
+  const ExpandedKernels kernels = chooseExpandedKernels();
+  intersectExpanded_ = kernels.intersect;
+  occludedExpanded_ = kernels.occluded;
+}
+
 bool Mesh::intersect(PreparedRay& ray, Hit& hit) const {
-  return !top_.nodes().empty() &&
-         intersectMesh_({top_.nodes().data(), bytes_.data(), table_}, ray, hit);
+  if (expanded_) return intersectExpanded_(view(), *expanded_, ray, hit);
+  return !top_.nodes().empty() && intersectMesh_(view(), ray, hit);
 }
 bool Mesh::occluded(const PreparedRay& ray) const {
-  return !top_.nodes().empty() && occludedMesh_({top_.nodes().data(), bytes_.data(), table_}, ray);
+  if (expanded_) return occludedExpanded_(view(), *expanded_, ray);
+  return !top_.nodes().empty() && occludedMesh_(view(), ray);
 }
 
 namespace {

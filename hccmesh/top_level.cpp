@@ -9,34 +9,14 @@
 namespace hccm {
 namespace {
 
-constexpr int kBins = 16;
+constexpr int kTopBins = 16;
 constexpr std::size_t kExact = 128;  // boxes that are sorted instead of binned
-constexpr int kMaxBinDepth = 24;     // beyond it the input is hostile to bins and is halved
+constexpr int kMaxTopBinDepth = 24;  // beyond it the input is hostile to bins and is halved
 
 struct Range {
   std::size_t begin, end;
   std::size_t count() const { return end - begin; }
 };
-
-GridBox emptyBox() {
-  GridBox b;
-  std::fill_n(b.lower, 3, std::numeric_limits<std::int32_t>::max());
-  std::fill_n(b.upper, 3, std::numeric_limits<std::int32_t>::min());
-  return b;
-}
-void extend(GridBox& b, const GridBox& o) {
-  for (int k = 0; k < 3; ++k) {
-    b.lower[k] = std::min(b.lower[k], o.lower[k]);
-    b.upper[k] = std::max(b.upper[k], o.upper[k]);
-  }
-}
-// Half the surface; a cell wider, so that flat boxes count.
-double area(const GridBox& b) {
-  if (b.lower[0] > b.upper[0]) return 0.0;
-  double e[3];
-  for (int k = 0; k < 3; ++k) e[k] = double(b.upper[k]) - double(b.lower[k]) + 1.0;
-  return e[0] * e[1] + e[1] * e[2] + e[2] * e[0];
-}
 
 class Builder {
  public:
@@ -78,7 +58,7 @@ class Builder {
       for (std::size_t i = 0; i < parts.size(); ++i) {
         const std::size_t count = parts[i].count();
         if (large ? count <= 8 : count < 2 || count > 9 - parts.size()) continue;
-        const double surface = area(boundsOf(parts[i]));
+        const double surface = boundsOf(parts[i]).area();
         if (surface > most) most = surface, best = i;
       }
       if (best < parts.size()) return best;
@@ -87,8 +67,8 @@ class Builder {
   }
 
   GridBox boundsOf(const Range& r) const {
-    GridBox b = emptyBox();
-    for (std::size_t i = r.begin; i < r.end; ++i) extend(b, boxes_[order_[i]]);
+    GridBox b = GridBox::empty();
+    for (std::size_t i = r.begin; i < r.end; ++i) b.extend(boxes_[order_[i]]);
     return b;
   }
 
@@ -117,15 +97,15 @@ class Builder {
     double leastCost = std::numeric_limits<double>::infinity();
     for (int axis = 0; axis < 3; ++axis) {
       sortBy(axis);
-      GridBox sum = emptyBox();
+      GridBox sum = GridBox::empty();
       for (std::size_t i = r.count() - 1; i > 0; --i) {
-        extend(sum, boxes_[order_[r.begin + i]]);
-        right[i] = area(sum) * weight(r.count() - i);
+        sum.extend(boxes_[order_[r.begin + i]]);
+        right[i] = sum.area() * weight(r.count() - i);
       }
-      sum = emptyBox();
+      sum = GridBox::empty();
       for (std::size_t i = 1; i < r.count(); ++i) {
-        extend(sum, boxes_[order_[r.begin + i - 1]]);
-        const double cost = area(sum) * weight(i) + right[i];
+        sum.extend(boxes_[order_[r.begin + i - 1]]);
+        const double cost = sum.area() * weight(i) + right[i];
         if (cost < leastCost) leastCost = cost, bestAxis = axis, best = i;
       }
     }
@@ -144,33 +124,33 @@ class Builder {
       }
     }
     const auto binOf = [&](std::uint32_t box, int k) {
-      return static_cast<int>((centre(box, k) - least[k]) * kBins / (most[k] - least[k] + 1));
+      return static_cast<int>((centre(box, k) - least[k]) * kTopBins / (most[k] - least[k] + 1));
     };
     int bestAxis = -1, bestBin = 0;
     double leastCost = std::numeric_limits<double>::infinity();
-    for (int k = 0; k < 3 && depth < kMaxBinDepth; ++k) {
+    for (int k = 0; k < 3 && depth < kMaxTopBinDepth; ++k) {
       if (least[k] == most[k]) continue;
-      std::array<GridBox, kBins> box;
-      std::array<std::size_t, kBins> count{};
-      box.fill(emptyBox());
+      std::array<GridBox, kTopBins> box;
+      std::array<std::size_t, kTopBins> count{};
+      box.fill(GridBox::empty());
       for (std::size_t i = r.begin; i < r.end; ++i) {
         const auto bin = static_cast<std::size_t>(binOf(order_[i], k));
-        extend(box[bin], boxes_[order_[i]]);
+        box[bin].extend(boxes_[order_[i]]);
         ++count[bin];
       }
-      std::array<double, kBins> right{};
-      GridBox sum = emptyBox();
+      std::array<double, kTopBins> right{};
+      GridBox sum = GridBox::empty();
       std::size_t number = 0;
-      for (std::size_t i = kBins - 1; i > 0; --i) {
-        extend(sum, box[i]);
-        right[i] = area(sum) * static_cast<double>(number += count[i]);
+      for (std::size_t i = kTopBins - 1; i > 0; --i) {
+        sum.extend(box[i]);
+        right[i] = sum.area() * static_cast<double>(number += count[i]);
       }
-      sum = emptyBox();
+      sum = GridBox::empty();
       number = 0;
-      for (std::size_t i = 1; i < kBins; ++i) {
-        extend(sum, box[i - 1]);
+      for (std::size_t i = 1; i < kTopBins; ++i) {
+        sum.extend(box[i - 1]);
         number += count[i - 1];
-        const double cost = right[i] + area(sum) * static_cast<double>(number);
+        const double cost = right[i] + sum.area() * static_cast<double>(number);
         if (number == 0 || number == r.count() || cost >= leastCost) continue;
         leastCost = cost, bestAxis = k, bestBin = static_cast<int>(i);
       }
@@ -185,8 +165,8 @@ class Builder {
 
   void writeBoxes(TopNode& node, std::span<const Range> parts) const {
     std::array<GridBox, 8> box;
-    GridBox all = emptyBox();
-    for (std::size_t i = 0; i < parts.size(); ++i) extend(all, box[i] = boundsOf(parts[i]));
+    GridBox all = GridBox::empty();
+    for (std::size_t i = 0; i < parts.size(); ++i) all.extend(box[i] = boundsOf(parts[i]));
     node = {};
     node.children = static_cast<std::uint8_t>(parts.size());
     for (int k = 0; k < 3; ++k) {

@@ -3,8 +3,10 @@
 // 2017].
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -13,6 +15,25 @@ namespace hccm {
 /// Inclusive bounds in grid cells; |coordinate| <= 2^24.
 struct GridBox {
   std::int32_t lower[3], upper[3];
+
+  static GridBox empty() {
+    constexpr std::int32_t kLeast = std::numeric_limits<std::int32_t>::min(),
+                           kMost = std::numeric_limits<std::int32_t>::max();
+    return {{kMost, kMost, kMost}, {kLeast, kLeast, kLeast}};
+  }
+  void extend(const GridBox& o) {
+    for (int k = 0; k < 3; ++k) {
+      lower[k] = std::min(lower[k], o.lower[k]);
+      upper[k] = std::max(upper[k], o.upper[k]);
+    }
+  }
+  /// Half the surface, cells; a cell wider, so that flat boxes count.
+  double area() const {
+    if (lower[0] > upper[0]) return 0.0;
+    double e[3];
+    for (int k = 0; k < 3; ++k) e[k] = double(upper[k]) - double(lower[k]) + 1.0;
+    return e[0] * e[1] + e[1] * e[2] + e[2] * e[0];
+  }
 };
 
 /// A child's box is lower + (planes << shift) along each axis, and holds all that is below it.

@@ -1,6 +1,5 @@
 // One ray against one cluster: boxes of 8 leaves at once, then 8 triangles at once. Compiled once
-// for each instruction set [Highway's foreach_target]; every one gives the same bits, because only
-// exactly rounded operations decide a hit (no fused multiply-add, no approximate reciprocal).
+// for each instruction set [Highway's foreach_target].
 #include "hccmesh/trace.h"
 
 #include <algorithm>
@@ -17,82 +16,16 @@
 #include <hwy/foreach_target.h>
 #include <hwy/highway.h>
 
-#ifndef HCCM_TRACE_ONCE
-#define HCCM_TRACE_ONCE
-#if HWY_ARCH_X86_64
+#include "hccmesh/trace-inl.h"
+#if HWY_ARCH_X86_64 && !defined(HCCM_X86_INTRINSICS)
+#define HCCM_X86_INTRINSICS
 #include <immintrin.h>
-#endif
-namespace hccm {
-inline constexpr float kTolerance = 0x1p-19f;  // of t; see the boxes below
-
-// A triangle that single precision says a ray goes through: where it does in double.
-struct Candidate {
-  double t, u, v;  // as single precision has them, then exactly; u, v of corners b and c
-  double blur;     // of t, as single precision has it
-  bool meets(const layout::ClusterHeader& h, const std::byte* vertices, const std::uint32_t* corner,
-             const PreparedRay& ray);
-};
-
-// False if it is in one plane with the ray's start or target, or not in the ray's interval. The
-// integers and their differences are exact in double, and so is the normal; the origin is off by
-// 2^-53 of itself. A triangle without area has no plane: its t stays as it is.
-inline bool Candidate::meets(const layout::ClusterHeader& h, const std::byte* vertices,
-                             const std::uint32_t* corner, const PreparedRay& ray) {
-  glm::dvec3 p[3];
-  for (int i = 0; i < 3; ++i) {
-    std::int32_t grid[3];
-    layout::readVertex(vertices, h, corner[i], grid);
-    p[i] = glm::dvec3(grid[0], grid[1], grid[2]);
-  }
-  const glm::dvec3 e1 = p[1] - p[0], e2 = p[2] - p[0], a = p[0] - ray.exactOrigin;
-  const glm::dvec3 normal = glm::cross(e1, e2);
-  const double size = std::abs(normal.x) + std::abs(normal.y) + std::abs(normal.z);
-  if (size == 0.0) {
-    return t - blur >= double(ray.tnear) && t + blur <= double(ray.tfar);
-  }
-  const double height = glm::dot(normal, a), determinant = glm::dot(normal, ray.direction);
-  if (std::abs(height) <= ray.slack * size) return false;
-  if (ray.targetSlack >= 0.0 &&
-      std::abs(glm::dot(normal, p[0] - ray.target)) <= ray.targetSlack * size) {
-    return false;
-  }
-  if (determinant == 0.0) return false;  // along its plane
-  // [Moeller and Trumbore 1997]
-  const double inverse = 1.0 / determinant;
-  const glm::dvec3 moment = glm::cross(a, ray.direction);
-  t = height * inverse;
-  u = glm::dot(moment, e2) * inverse;
-  v = -glm::dot(moment, e1) * inverse;
-  // Single precision has let it through at an edge. A point on the edge itself would be as close to
-  // the plane of the neighbour as a point can be, so it moves inside by a millionth, but no more
-  // than a thousandth of a cell.
-  if (!(u >= 0.0 && v >= 0.0 && u + v <= 1.0)) {
-    const double inside =
-        std::min(0x1p-20, 0x1p-10 / std::sqrt(std::max(glm::dot(e1, e1), glm::dot(e2, e2))));
-    u = std::clamp(u, inside, 1.0), v = std::clamp(v, inside, 1.0);
-    const double most = std::max(1.0, (u + v) * (1.0 + inside));
-    u /= most, v /= most;
-    t = glm::dot(a + u * e1 + v * e2, ray.direction) / glm::dot(ray.direction, ray.direction);
-  }
-  return t >= double(ray.tnear);
-}
-}  // namespace hccm
 #endif
 
 HWY_BEFORE_NAMESPACE();
 namespace hccm {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
-
-using DF = hn::CappedTag<float, 8>;
-using DI = hn::RebindToSigned<DF>;
-using DU = hn::RebindToUnsigned<DF>;
-using DB = hn::Rebind<std::uint8_t, DF>;
-using VF = hn::Vec<DF>;
-using VU = hn::Vec<DU>;
-using MF = hn::Mask<DF>;
-constexpr std::size_t kLanes = hn::MaxLanes(DF());
-static_assert(kLanes == 4 || kLanes == 8);
 
 // What all leaves of a cluster share; axes in the ray's order kx, ky, kz.
 struct Cluster {
@@ -177,10 +110,6 @@ HWY_INLINE VU lowHalves(const Words& w, std::uint32_t shift) {
 }
 #endif
 
-struct Vertex {
-  VF x, y, z;  // sheared to the ray's frame; z along the ray in units of its direction, cells
-};
-
 // Exact integers and the ray's own origin, rounded to what single precision has of their distance,
 // then operations on these alone: equal vertices of two clusters give equal bits.
 HWY_INLINE Vertex decodeVertex(const Cluster& c, const PreparedRay& ray, VU index) {
@@ -202,11 +131,7 @@ HWY_INLINE Vertex decodeVertex(const Cluster& c, const PreparedRay& ray, VU inde
     const auto grid = hn::Add(hn::BitCast(di, masked), hn::Set(di, c.anchor[i]));
     p[i] = hn::Sub(hn::ConvertTo(df, grid), hn::Set(df, ray.origin[ray.axis[i]]));
   }
-  Vertex v;
-  v.x = hn::Sub(p[0], hn::Mul(hn::Set(df, ray.shear[0]), p[2]));
-  v.y = hn::Sub(p[1], hn::Mul(hn::Set(df, ray.shear[1]), p[2]));
-  v.z = hn::Mul(hn::Set(df, ray.shear[2]), p[2]);
-  return v;
+  return shearVertex(p, ray);
 }
 
 // A leaf's record, as bytes and nibbles in words.
@@ -337,150 +262,23 @@ class LocalVertices {
   bool wide_;
 };
 
-struct Edges {
-  VF u, v, w;
-};
-
-// Signs of edge functions that came out as zero in single precision: products of floats are exact
-// in double, so is the sign of their difference.
-HWY_NOINLINE void resolveZeros(const Vertex& a, const Vertex& b, const Vertex& c, Edges& e) {
-  const DF df;
-  alignas(32) float ax[kLanes], ay[kLanes], bx[kLanes], by[kLanes], cx[kLanes], cy[kLanes];
-  alignas(32) float u[kLanes], v[kLanes], w[kLanes];
-  hn::Store(a.x, df, ax), hn::Store(a.y, df, ay), hn::Store(b.x, df, bx);
-  hn::Store(b.y, df, by), hn::Store(c.x, df, cx), hn::Store(c.y, df, cy);
-  const auto edge = [](float px, float py, float qx, float qy) {
-    return static_cast<float>(double(px) * double(qy) - double(py) * double(qx));
-  };
-  for (std::size_t i = 0; i < kLanes; ++i) {
-    u[i] = edge(cx[i], cy[i], bx[i], by[i]);
-    v[i] = edge(ax[i], ay[i], cx[i], cy[i]);
-    w[i] = edge(bx[i], by[i], ax[i], ay[i]);
-  }
-  e = {hn::Load(df, u), hn::Load(df, v), hn::Load(df, w)};
-}
-
-// How wrong t of single precision can be. Vertices are off by 2^-24 of (2 of their own distance,
-// and 4 of their depth for the shears), so edge functions by 2^-24 (15 x^2 + 24 x z), for |x|, |y|
-// <= x and depths <= z; weights are off by that over the determinant, and t by that times the range
-// of depths, plus the rounding of depths and weighted sums, which is less than 2^-20 of the
-// largest.
-HWY_INLINE VF blurOf(const Vertex& a, const Vertex& b, const Vertex& d, VF determinant,
-                     const PreparedRay& ray) {
-  const DF df;
-  const auto most = [](VF p, VF q, VF r) { return hn::Max(hn::Max(p, q), r); };
-  const VF x = hn::Max(most(hn::Abs(a.x), hn::Abs(b.x), hn::Abs(d.x)),
-                       most(hn::Abs(a.y), hn::Abs(b.y), hn::Abs(d.y)));
-  const VF z = most(hn::Abs(a.z), hn::Abs(b.z), hn::Abs(d.z));
-  const VF range = hn::Sub(most(a.z, b.z, d.z), hn::Min(hn::Min(a.z, b.z), d.z));
-  const VF edges =
-      hn::Mul(hn::Mul(x, hn::Set(df, 3.0f * 0x1p-24f)),
-              hn::Add(hn::Mul(x, hn::Set(df, 15.0f)), hn::Mul(z, hn::Set(df, 24.0f * ray.depth))));
-  const VF sure = hn::Max(hn::Sub(hn::Abs(determinant), edges), hn::Zero(df));
-  // Of a sliver in the ray's direction nothing is known but that t is in its range of depths.
-  const VF share = hn::Min(hn::Div(edges, hn::Add(sure, hn::Mul(edges, hn::Set(df, 0x1p-20f)))),
-                           hn::Set(df, 2.0f));
-  return hn::Add(hn::Mul(range, share), hn::Mul(z, hn::Set(df, 0x1p-20f)));
-}
-
 // The triangles of a leaf for the second look.
 struct Leaf {
   const layout::ClusterHeader* header;
   const std::byte* vertices;
   const LeafCode* code;
-  std::uint32_t number, cluster;
-  std::uint32_t ends;  ///< a bit for each that the ray leaves or ends on
-};
+  std::uint32_t number, cluster, ends;
 
-// Takes the nearest of the accepted lanes into hit; on equal t the lower (cluster, triangle).
-// kAny: whether there is one.
-template <bool kAny>
-HWY_INLINE bool takeNearest(const Leaf& leaf, std::uint32_t bits, VF t, VF u, VF v, VF blur,
-                            std::uint32_t first, PreparedRay& ray, Hit& hit) {
-  const DF df;
-  alignas(32) float ts[kLanes], us[kLanes], vs[kLanes], blurs[kLanes];
-  hn::Store(t, df, ts), hn::Store(u, df, us), hn::Store(v, df, vs), hn::Store(blur, df, blurs);
-  bool found = false;
-  for (; bits != 0; bits &= bits - 1) {
-    const int lane = std::countr_zero(bits);
-    const std::uint32_t place = first + static_cast<std::uint32_t>(lane);
-    const std::uint32_t triangle = layout::kLeafSize * leaf.number + place;
-    // Far from both ends by more than any doubt, nothing more needs to be known.
-    if (kAny && ts[lane] - blurs[lane] > ray.sureFrom && ts[lane] + blurs[lane] < ray.sureTo) {
-      return true;
-    }
+  HWY_INLINE void readCorners(std::uint32_t place, glm::dvec3 (&p)[3]) const {
     std::uint32_t corner[3];
-    cornersOf(*leaf.code, place, corner);
-    Candidate c{ts[lane], us[lane], vs[lane], blurs[lane]};
-    if (!c.meets(*leaf.header, leaf.vertices, corner, ray)) continue;
-    const auto at = static_cast<float>(c.t);
-    const bool lower =
-        leaf.cluster < hit.cluster || (leaf.cluster == hit.cluster && triangle < hit.triangle);
-    if (!(at < ray.tfar || (at == ray.tfar && lower))) continue;
-    if constexpr (kAny) return true;
-    ray.tfar = at;
-    hit = {c.u, c.v, static_cast<float>((c.t + ray.shift) * double(ray.step)), leaf.cluster,
-           triangle};
-    found = true;
+    cornersOf(*code, place, corner);
+    for (int i = 0; i < 3; ++i) {
+      std::int32_t grid[3];
+      layout::readVertex(vertices, *header, corner[i], grid);
+      p[i] = glm::dvec3(grid[0], grid[1], grid[2]);
+    }
   }
-  return found;
-}
-
-// Of the triangles that the ray goes through, by bits. Most leaves that are visited have none: kept
-// apart, it leaves registers to what comes before.
-template <bool kAny>
-HWY_NOINLINE bool takeInside(const Leaf& leaf, const Vertex& a, const Vertex& b, const Vertex& d,
-                             const Edges& e, std::uint8_t inside, std::uint32_t first,
-                             PreparedRay& ray, Hit& hit) {
-  const DF df;
-  std::uint8_t lanes[8] = {inside};
-  MF accept = hn::LoadMaskBits(df, lanes);
-  const VF determinant = hn::Add(hn::Add(e.u, e.v), e.w);
-  accept = hn::And(accept, hn::Ne(determinant, hn::Zero(df)));
-  const VF reciprocal = hn::Div(hn::Set(df, 1.0f), determinant);
-  const VF u = hn::Mul(e.u, reciprocal), v = hn::Mul(e.v, reciprocal), w = hn::Mul(e.w, reciprocal);
-  const VF t = hn::Add(hn::Add(hn::Mul(u, a.z), hn::Mul(v, b.z)), hn::Mul(w, d.z));
-  const VF blur = blurOf(a, b, d, determinant, ray);
-  const VF finite = hn::Set(df, std::numeric_limits<float>::max());
-  accept =
-      hn::And(accept, hn::And(hn::Ge(hn::Add(t, blur), hn::Set(df, ray.tnear)),
-                              hn::Le(hn::Sub(t, blur), hn::Min(finite, hn::Set(df, ray.tfar)))));
-  if (hn::AllFalse(df, accept)) return false;
-  hn::StoreMaskBits(df, accept, lanes);
-  return takeNearest<kAny>(leaf, lanes[0], t, v, w, blur, first, ray, hit);
-}
-
-// Watertight test [Woop et al. 2013] of up to kLanes triangles; `first` is the place of the first.
-// No multiply-add: an edge must give the exact negative when its ends are exchanged.
-template <bool kAny>
-HWY_INLINE bool testTriangles(const Leaf& leaf, const Vertex& a, const Vertex& b, const Vertex& d,
-                              std::size_t count, std::uint32_t first, PreparedRay& ray, Hit& hit) {
-  const DF df;
-  Edges e = {hn::Sub(hn::Mul(d.x, b.y), hn::Mul(d.y, b.x)),
-             hn::Sub(hn::Mul(a.x, d.y), hn::Mul(a.y, d.x)),
-             hn::Sub(hn::Mul(b.x, a.y), hn::Mul(b.y, a.x))};
-  const VF zero = hn::Zero(df);
-  MF active = hn::FirstN(df, count);
-  if (HWY_UNLIKELY(leaf.ends != 0)) {
-    const std::uint8_t ends[8] = {static_cast<std::uint8_t>(leaf.ends >> first)};
-    active = hn::AndNot(hn::LoadMaskBits(df, ends), active);
-  }
-  const auto inside = [&] {
-    const VF least = hn::Min(hn::Min(e.u, e.v), e.w), most = hn::Max(hn::Max(e.u, e.v), e.w);
-    return hn::And(active, hn::Or(hn::Ge(least, zero), hn::Le(most, zero)));
-  };
-  MF accept = inside();
-  if (hn::AllFalse(df, accept)) return false;
-  const MF zeros = hn::Or(hn::Or(hn::Eq(e.u, zero), hn::Eq(e.v, zero)), hn::Eq(e.w, zero));
-  if (HWY_UNLIKELY(!hn::AllFalse(df, hn::And(accept, zeros)))) {
-    resolveZeros(a, b, d, e);
-    accept = inside();
-  }
-
-  std::uint8_t lanes[8] = {};
-  hn::StoreMaskBits(df, accept, lanes);
-  return takeInside<kAny>(leaf, a, b, d, e, lanes[0], first, ray, hit);
-}
+};
 
 template <bool kAny>
 HWY_INLINE bool testLeaf(const Cluster& c, const layout::ClusterHeader& h,
@@ -488,13 +286,9 @@ HWY_INLINE bool testLeaf(const Cluster& c, const layout::ClusterHeader& h,
                          PreparedRay& ray, Hit& hit) {
   const LeafCode code = decodeLeaf(record);
   const LocalVertices vertices(c, code, ray);
-  const auto bitOf = [&](std::uint32_t ofCluster, std::uint32_t triangle) {
-    const bool here = ofCluster == cluster && triangle / layout::kLeafSize == number;
-    return here ? 1u << triangle % layout::kLeafSize : 0u;
-  };
-  const std::uint32_t ends =
-      bitOf(ray.fromCluster, ray.fromTriangle) | bitOf(ray.toCluster, ray.toTriangle);
-  const Leaf leaf{&h, reinterpret_cast<const std::byte*>(c.vertices), &code, number, cluster, ends};
+  const Leaf leaf{&h,      reinterpret_cast<const std::byte*>(c.vertices),
+                  &code,   number,
+                  cluster, endsOn(ray, cluster, number)};
   bool found = false;
   for (std::uint32_t first = 0; first < code.triangles && !(kAny && found); first += kLanes)
     found |= testTriangles<kAny>(
@@ -559,14 +353,7 @@ HWY_INLINE std::uint32_t testBoxes(const BoxFrame& f, std::size_t at, const Prep
     tnear = hn::Max(tnear, planes(f.nearPlanes[k] + at, f.scale[k], f.nearOffset[k]));
     tfar = hn::Min(tfar, planes(f.farPlanes[k] + at, f.scale[k], f.farOffset[k]));
   }
-  const VF tolerance = hn::Set(df, kTolerance);
-  const VF least = hn::Sub(tnear, hn::Mul(hn::Abs(tnear), tolerance));
-  const VF most = hn::Min(hn::Set(df, std::numeric_limits<float>::max()),
-                          hn::Add(tfar, hn::Mul(hn::Abs(tfar), tolerance)));
-  hn::StoreU(least, df, entry);
-  std::uint8_t lanes[8] = {};
-  hn::StoreMaskBits(df, hn::Le(least, most), lanes);
-  return lanes[0];
+  return boxesMet(tnear, tfar, entry);
 }
 
 template <bool kAny>

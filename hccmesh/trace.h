@@ -2,6 +2,7 @@
 // processor.
 #pragma once
 
+#include "hccmesh/expanded.h"
 #include "hccmesh/hccmesh.h"
 #include "hccmesh/layout.h"
 #include "hccmesh/top_level.h"
@@ -40,7 +41,13 @@ struct Kernels {
   const char* name;  ///< of the instruction set
 };
 
-/// Obeys hwy::SetSupportedTargetsForTest. Thread safe.
+struct ExpandedKernels {
+  bool (*intersect)(const MeshView& mesh, const Expanded& expanded, PreparedRay& ray, Hit& hit);
+  bool (*occluded)(const MeshView& mesh, const Expanded& expanded, const PreparedRay& ray);
+};
+
+/// Both obey hwy::SetSupportedTargetsForTest. Thread safe.
 Kernels chooseKernels();
+ExpandedKernels chooseExpandedKernels();
 
 }  // namespace hccm

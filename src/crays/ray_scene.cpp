@@ -305,6 +305,7 @@ struct RayScene::Impl {
 
  private:
   void place(const Scene& scene);
+  void expandSmall();
   void attachInstance(std::size_t id);
   void measure();
   void measurePages(const hccm::PageTable& table);
@@ -333,8 +334,23 @@ void RayScene::Impl::attachInstance(std::size_t id) {
   check(top.device, "attaching an instance");
 }
 
+/// Meshes that are worth their memory twice, the smallest first.
+void RayScene::Impl::expandSmall() {
+  std::vector<hccm::Mesh*> meshes{&parts.world};
+  for (hccm::Mesh& mesh : parts.shared) meshes.push_back(&mesh);
+  std::ranges::stable_sort(meshes, {},
+                           [](const hccm::Mesh* mesh) { return mesh->triangleCount(); });
+  std::uint64_t triangles = 0;
+  for (hccm::Mesh* mesh : meshes) {
+    triangles += mesh->triangleCount();
+    if (triangles > RayScene::kExpandedTriangles) break;
+    mesh->expand();
+  }
+}
+
 void RayScene::Impl::build(const Scene& scene) {
   place(scene);
+  expandSmall();
   measure();
   if (worldAlone()) return;  // the world's own hierarchy is all there is
   top.device = rtcNewDevice(nullptr);

@@ -34,6 +34,20 @@ bool traceTop(const Mesh& mesh, const Ray& ray, Hit& hit) {
   return mesh.intersect(prepared, hit);
 }
 
+// The same mesh, expanded.
+Mesh expandedOf(const Mesh& mesh) {
+  Mesh copy = Mesh::fromBytes(std::vector<std::byte>(mesh.bytes().begin(), mesh.bytes().end()));
+  copy.expand();
+  return copy;
+}
+void expectSame(const Hit& a, const Hit& b) {
+  EXPECT_EQ(a.cluster, b.cluster);
+  EXPECT_EQ(a.triangle, b.triangle);
+  EXPECT_EQ(a.t, b.t);
+  EXPECT_EQ(a.u, b.u);
+  EXPECT_EQ(a.v, b.v);
+}
+
 // Nearest hit in double, and how surely: the least distance to an edge or end, in weights.
 struct Truth {
   double t = std::numeric_limits<double>::infinity();
@@ -71,19 +85,18 @@ Truth bruteForce(const Mesh& mesh, const Ray& ray) {
 
 void expectAgrees(const Mesh& mesh, const std::vector<Ray>& rays) {
   int sure = 0, hits = 0;
+  const Mesh expanded = expandedOf(mesh);
+  EXPECT_GT(expanded.topLevelBytes(), 32 * mesh.triangleCount());
   for (const Ray& ray : rays) {
     Hit hit, backwards;
     const bool found = traceAll(mesh, ray, hit);
     EXPECT_EQ(found, traceAll(mesh, ray, backwards, true));
     EXPECT_EQ(found, occludedAll(mesh, ray));
-    Hit top;
+    EXPECT_EQ(found, expanded.occluded(expanded.prepare(ray)));
+    Hit top, fast;
     EXPECT_EQ(found, traceTop(mesh, ray, top));
-    for (const Hit& other : {backwards, top}) {
-      if (!found) break;
-      EXPECT_EQ(hit.cluster, other.cluster);
-      EXPECT_EQ(hit.triangle, other.triangle);
-      EXPECT_EQ(hit.t, other.t);
-    }
+    EXPECT_EQ(found, traceTop(expanded, ray, fast));
+    for (const Hit& other : {backwards, top, fast}) expectSame(hit, other);
     const Truth truth = bruteForce(mesh, ray);
     if (!truth.sure) continue;
     ++sure;
@@ -152,12 +165,17 @@ TEST(HccMeshTrace, EveryInstructionSetGivesTheSameBits) {
   for (std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
     hwy::SetSupportedTargetsForTest(target);
     const Mesh a = build(soup), b = build(wide);
+    const Mesh fastA = expandedOf(a), fastB = expandedOf(b);
     names.emplace_back(a.targetName());
     std::vector<Hit>& hits = results.emplace_back();
     for (const Ray& ray : rays)
-      for (const Mesh* mesh : {&a, &b}) {
-        Hit hit;
-        EXPECT_EQ(traceAll(*mesh, ray, hit), occludedAll(*mesh, ray));
+      for (const auto& [mesh, fast] : {std::pair(&a, &fastA), std::pair(&b, &fastB)}) {
+        Hit hit, expanded;
+        const bool found = traceAll(*mesh, ray, hit);
+        EXPECT_EQ(found, occludedAll(*mesh, ray));
+        EXPECT_EQ(found, traceTop(*fast, ray, expanded));
+        EXPECT_EQ(found, fast->occluded(fast->prepare(ray)));
+        expectSame(hit, expanded);
         hits.push_back(hit);
       }
   }
@@ -170,6 +188,49 @@ TEST(HccMeshTrace, EveryInstructionSetGivesTheSameBits) {
       ASSERT_EQ(results[0][i].t, results[k][i].t) << names[k];
       ASSERT_EQ(results[0][i].u, results[k][i].u) << names[k];
     }
+}
+
+// From afar, off and onto surfaces, past hidden objects and materials that let rays pass.
+TEST(HccMeshTrace, ExpandedMeshesGiveTheSameBitsToEveryKindOfRay) {
+  Soup near = randomSoup(700, 1.0f, 61), other = randomSoup(700, 1.0f, 62);
+  std::vector<Part> parts{near.part(), other.part()};
+  parts[0].material = 0, parts[0].object = 0;
+  parts[1].material = 1, parts[1].object = 1;
+  const Mesh mesh = Mesh::build(parts), fast = expandedOf(mesh);
+  std::mt19937 random(63);
+  int found = 0;
+  for (int i = 0; i < 4000; ++i) {
+    const float away = std::exp2(static_cast<float>(i % 40));
+    Ray ray{randomPoint(random, away), 0.0f, {}, i % 3 ? kInf : 2.0f * away};
+    ray.direction = glm::normalize(randomPoint(random, 1.0f) - glm::vec3(ray.origin));
+    if (i % 4 == 1) ray.slack = 1e-3;
+    if (i % 4 == 2) ray.fromCluster = i % mesh.clusterCount(), ray.fromTriangle = i % 200;
+    if (i % 4 == 3) ray.target = randomPoint(random, 1.0f), ray.targetSlack = 1e-2;
+    const std::uint8_t hidden[2] = {i % 5 == 0, i % 7 == 0};
+    const auto prepare = [&](const Mesh& of) {
+      PreparedRay prepared = of.prepare(ray);
+      if (i % 2) prepared.hidden = hidden;
+      return prepared;
+    };
+    PreparedRay a = prepare(mesh), b = prepare(fast);
+    Hit hit, same;
+    EXPECT_EQ(mesh.intersect(a, hit), fast.intersect(b, same));
+    expectSame(hit, same);
+    found += hit.cluster != Hit::kNothing;
+    const Passage of[2] = {i % 3 == 0   ? Passage::kAbsent
+                           : i % 3 == 1 ? Passage::kPasses
+                                        : Passage::kBlocks,
+                           i % 2 ? Passage::kPasses : Passage::kBlocks};
+    Passages passA{of}, passB{of};
+    a = prepare(mesh), b = prepare(fast);
+    a.passages = &passA, b.passages = &passB;
+    const bool blocked = mesh.occluded(a);
+    EXPECT_EQ(blocked, fast.occluded(b));
+    if (!blocked) {
+      EXPECT_EQ(passA.met, passB.met);  // of a blocked ray it is told by chance
+    }
+  }
+  EXPECT_GT(found, 400);
 }
 
 TEST(HccMeshTrace, EqualDistanceTakesTheLowerTriangle) {
