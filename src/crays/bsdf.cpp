@@ -131,8 +131,7 @@ vec3 Bsdf::fresnel(float cosine) const {
   const float w = schlickWeight(cosine);
   const vec3 dielectric =
       transmission_ > 0.0f ? vec3(dielectricWeight(cosine)) : f0_ + (vec3(f90_) - f0_) * w;
-  // A conductor of reflectance metalColor_ at all angles: see "Materials" in the README.
-  const vec3 bare = glm::mix(dielectric, metalColor_, metallic_);
+  const vec3 bare = glm::mix(dielectric, conducts_ ? metal(cosine) : metalColor_, metallic_);
   return film_ > 0.0f ? glm::mix(bare, film(cosine), film_) : bare;
 }
 

@@ -4,10 +4,11 @@
 // the layers below do not get: of light that comes and of light that leaves, the larger share
 // counts, so that no energy is made and both directions are alike. Emission is not dimmed by them.
 // A film replaces Fresnel's reflectance; anisotropy makes the base's lobe broader along one
-// direction.
+// direction. A metal has its base colour at all angles, or Fresnel's reflectance by its index.
 //
 // Sources: glTF 2.0 appendix B (BRDF), KHR_materials_specular, _ior, _transmission, _volume;
-// GGX with visible normals [Heitz, JCGT 2018]; rough refraction [Walter et al., EGSR 2007].
+// GGX with visible normals [Heitz, JCGT 2018]; Beckmann, rough refraction [Walter et al., EGSR
+// 2007].
 #pragma once
 
 #include "src/core/maths.h"
@@ -130,6 +131,7 @@ class Bsdf {
   bool sampleCoat(Sampler& sampler, BsdfSample& out) const;
   bool finishSample(const vec3& local, BsdfSample& out) const;
   vec3 film(float cosine) const;
+  vec3 metal(float cosine) const;
   float density(const vec3& half) const;
   float maskingShadowing(const vec3& in) const;
   float visiblePdf(const vec3& half) const;
@@ -152,7 +154,7 @@ class Bsdf {
   vec3 smoothNormal_;           ///< whose horizon counts, besides the triangle's own
   vec3 emission_{0.0f}, diffuse_{0.0f}, f0_{0.0f}, transmissionTint_{0.0f}, cachedAlbedo_{0.0f},
       albedo_{0.0f};
-  vec3 metalColor_{0.0f}, absorption_{0.0f};
+  vec3 metalColor_{0.0f}, metalEta_{0.0f}, metalK_{0.0f}, absorption_{0.0f};
   float f90_ = 1.0f, metallic_ = 0.0f, transmission_ = 0.0f, alpha_ = 1.0f, coverage_ = 1.0f;
   float eta_ = 1.0f;     ///< index on the far side over this side, if it refracts
   float across_ = 1.0f;  ///< alpha along the basis's tangent, if anisotropic_; alpha_ is the other
@@ -162,7 +164,8 @@ class Bsdf {
   Lobes lobes_{};
   bool front_ = true, unlit_ = false, onlyDelta_ = false, smooth_ = false, sharp_ = false,
        refracts_ = false, entering_ = true;
-  bool cacheable_ = true, showsOthers_ = false, finished_ = false, anisotropic_ = false;
+  bool cacheable_ = true, showsOthers_ = false, finished_ = false, anisotropic_ = false,
+       conducts_ = false, beckmann_ = false;
 };
 
 /// Whether a material has smooth transmission somewhere.

@@ -48,6 +48,9 @@ void Bsdf::readFinish(const Scene& scene, const Surface& surface, const vec3& ou
       out_.z = std::max(out_.z, 1e-6f);
     }
   }
+  beckmann_ = f.beckmann && !anisotropic_;
+  conducts_ = f.conducts();
+  metalEta_ = f.metalEta, metalK_ = f.metalK;
   film_ = f.iridescence * readTexture(scene.images, f.iridescenceTexture, uv, false).x;
   filmIor_ = f.iridescenceIor;
   filmNanometres_ = f.iridescenceThinnest +
@@ -195,13 +198,18 @@ bool Bsdf::finishSample(const vec3& local, BsdfSample& out) const {
 }
 
 vec3 Bsdf::film(float cosine) const {
-  const vec3 f0 =
-      glm::mix(transmission_ > 0.0f ? vec3(dielectricWeight(1.0f)) : f0_, metalColor_, metallic_);
+  const vec3 dielectric = transmission_ > 0.0f ? vec3(dielectricWeight(1.0f)) : f0_;
+  const vec3 f0 = glm::mix(dielectric, conducts_ ? metal(1.0f) : metalColor_, metallic_);
   return filmReflectance(cosine, filmIor_, filmNanometres_, f0);
+}
+
+vec3 Bsdf::metal(float cosine) const {
+  return metalColor_ * conductorReflectance(cosine, metalEta_, metalK_);
 }
 
 // GGX of two roughnesses [Heitz 2014, 2018]: the one of a sphere that is stretched.
 float Bsdf::density(const vec3& half) const {
+  if (beckmann_) return beckmannDensity(half.z, alpha_);
   if (!anisotropic_) return ggxDensity(half.z, alpha_);
   if (half.z <= 0.0f) return 0.0f;
   const float x = half.x / across_, y = half.y / alpha_, d = x * x + y * y + half.z * half.z;
@@ -216,17 +224,22 @@ float lambdaOf(const vec3& v, float across, float alpha) {
 }  // namespace
 
 float Bsdf::maskingShadowing(const vec3& in) const {
+  if (beckmann_) {
+    return 1.0f / (1.0f + beckmannLambda(out_.z, alpha_) + beckmannLambda(in.z, alpha_));
+  }
   if (!anisotropic_) return ggxMaskingShadowing(out_.z, in.z, alpha_);
   return 1.0f / (1.0f + lambdaOf(out_, across_, alpha_) + lambdaOf(in, across_, alpha_));
 }
 
 float Bsdf::visiblePdf(const vec3& half) const {
+  if (beckmann_) return beckmannDensity(half.z, alpha_) * half.z;
   if (!anisotropic_) return ggxVisiblePdf(out_, half, alpha_);
   return std::max(glm::dot(out_, half), 0.0f) * density(half) /
          ((1.0f + lambdaOf(out_, across_, alpha_)) * out_.z);
 }
 
 vec3 Bsdf::sampleVisible(vec2 u) const {
+  if (beckmann_) return beckmannSample(alpha_, u);
   return ggxSampleVisible(out_, anisotropic_ ? across_ : alpha_, alpha_, u);
 }
 

@@ -145,4 +145,22 @@ vec3 filmReflectance(float cosine, float ior, float nanometres, const vec3& f0) 
   return glm::clamp(sum, vec3(0.0f), vec3(1.0f));
 }
 
+vec3 conductorReflectance(float cosine, const vec3& eta, const vec3& k) {
+  // The square root of the complex 1 - sin^2 / n^2 in real numbers.
+  const float c = std::clamp(cosine, 0.0f, 1.0f), c2 = c * c, s2 = 1.0f - c2;
+  vec3 result;
+  for (int i = 0; i < 3; ++i) {
+    const float eta2 = eta[i] * eta[i], k2 = k[i] * k[i];
+    const float difference = eta2 - k2 - s2;
+    const float size = std::sqrt(difference * difference + 4.0f * eta2 * k2);
+    const float twice = 2.0f * c * std::sqrt(std::max(0.5f * (size + difference), 0.0f));
+    constexpr float kLeast = 1e-20f;  // grazing along an index of 1 divides nothing by nothing
+    const float across = (size + c2 - twice) / std::max(size + c2 + twice, kLeast);
+    const float a = c2 * size + s2 * s2, b = twice * s2;
+    const float along = across * (a - b) / std::max(a + b, kLeast);
+    result[i] = std::clamp(0.5f * (across + along), 0.0f, 1.0f);
+  }
+  return result;
+}
+
 }  // namespace trex

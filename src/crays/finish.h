@@ -1,4 +1,4 @@
-// Reflection of finishes: a layer of fibres and a thin film.
+// Reflection of finishes: a layer of fibres, a thin film, a metal by its index.
 #pragma once
 
 #include "src/core/maths.h"
@@ -18,5 +18,9 @@ float sheenAlbedo(float cosine, float alpha);
 /// Reflectance of a film of this thickness (nanometres) and index on a base that reflects `f0` at
 /// normal incidence, by colour [Belcour and Barla 2017]; outside is air. Linear Rec. 709, [0, 1].
 vec3 filmReflectance(float cosine, float ior, float nanometres, const vec3& f0);
+
+/// Fresnel's reflectance of an interface to a metal of this complex index, by colour, unpolarised;
+/// cosine in [0, 1]. [0, 1].
+vec3 conductorReflectance(float cosine, const vec3& eta, const vec3& k);
 
 }  // namespace trex

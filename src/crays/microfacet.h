@@ -1,5 +1,5 @@
-// The GGX distribution in a frame whose z axis is the normal. alpha = roughness^2 in
-// [kSmallestAlpha, 1]. Visible normals are sampled after [Heitz, JCGT 2018].
+// The GGX and Beckmann distributions in a frame whose z axis is the normal. alpha = roughness^2 in
+// [kSmallestAlpha, 1]. Visible normals of GGX are sampled after [Heitz, JCGT 2018].
 #pragma once
 
 #include "src/core/maths.h"
@@ -57,6 +57,26 @@ inline vec3 ggxSampleVisible(const vec3& out, float alphaX, float alphaY, vec2 u
 }
 inline vec3 ggxSampleVisible(const vec3& out, float alpha, vec2 u) {
   return ggxSampleVisible(out, alpha, alpha, u);
+}
+
+/// Beckmann's distribution and Smith's Lambda of it, by its rational fit [Walter et al., EGSR
+/// 2007].
+inline float beckmannDensity(float cosine, float alpha) {
+  if (cosine <= 0.0f) return 0.0f;
+  const float c2 = cosine * cosine, a2 = alpha * alpha;
+  return std::exp((c2 - 1.0f) / (a2 * c2)) / (kPi * a2 * c2 * c2);
+}
+inline float beckmannLambda(float cosine, float alpha) {
+  const float a = cosine / (alpha * std::sqrt(std::max(1.0f - cosine * cosine, 1e-14f)));
+  if (a >= 1.6f) return 0.0f;
+  return (1.0f - a * (1.259f - 0.396f * a)) / std::max(a * (3.535f + 2.181f * a), 1e-7f);
+}
+/// A micro normal with density beckmannDensity * cosine.
+inline vec3 beckmannSample(float alpha, vec2 u) {
+  const float tan2 = -alpha * alpha * std::log(std::max(1.0f - u.x, 1e-30f)),
+              phi = 2.0f * kPi * u.y;
+  const float z = 1.0f / std::sqrt(1.0f + tan2), r = std::sqrt(std::max(0.0f, 1.0f - z * z));
+  return {r * std::cos(phi), r * std::sin(phi), z};
 }
 
 /// A direction about +z with density cos / pi.

@@ -124,6 +124,22 @@ vec3 ComplexIor::meanReflectance() const {
   return byColor(*this, [](std::complex<double> n) { return detail::meanReflectance(n); });
 }
 
+void setMetal(const ComplexIor& index, Material& material) {
+  material.metallic = 1.0f;
+  if (index.eta == vec3(0.0f)) return;  // a perfect mirror
+  material.finish.metalEta = glm::clamp(index.eta, 0.0f, Finish::kMostMetalIndex);
+  material.finish.metalK = glm::clamp(index.k, 0.0f, Finish::kMostMetalIndex);
+}
+
+Material withMeanMetal(Material material) {
+  Finish& f = material.finish;
+  if (!f.conducts()) return material;
+  const vec3 mean = ComplexIor{f.metalEta, f.metalK}.meanReflectance();
+  material.baseColor *= vec4(glm::mix(vec3(1.0f), mean, material.metallic), 1.0f);
+  f.metalEta = f.metalK = vec3(0.0f);
+  return material;
+}
+
 std::optional<ComplexIor> conductorNamed(const std::string& name) {
   const std::string plain = name.substr(0, name.find("_palik"));
   if (plain == "none") return ComplexIor{vec3(0.0f), vec3(1.0f)};

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "src/core/maths.h"
+#include "src/scene/scene.h"
 
 namespace trex::detail {
 
@@ -23,9 +24,15 @@ struct ComplexIor {
   vec3 eta{0.0f}, k{1.0f};
 
   vec3 normalReflectance() const;
-  /// meanReflectance() by colour: as a material's one colour for all angles, it keeps the energy.
+  /// meanReflectance() by colour.
   vec3 meanReflectance() const;
 };
+
+/// Makes the material a metal of this index, which is clamped to what Finish holds; its base colour
+/// multiplies the reflectance.
+void setMetal(const ComplexIor& index, Material& material);
+/// The material with the metal's mean reflectance in its base colour, at all angles.
+Material withMeanMetal(Material material);
 
 /// A conductor by its chemical name ("Au", "Cu", "Al", "CuZn", "a-C"...; "Cu_palik" is "Cu"): eta
 /// and k of measured spectra [Palik 1998], each seen under D65. "none" is a perfect mirror. Nothing

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "src/scene/fresnel.h"
 #include "src/scene/image_make.h"
 
 namespace trex::detail::mitsuba {
@@ -19,7 +20,8 @@ Material black() {
 vec4 grey(float value) { return {value, value, value, 1.0f}; }
 
 /// Numbers of two materials mixed; textures are those of the one that counts more.
-Material mixed(const Material& a, const Material& b, float weight) {
+Material mixed(const Material& first, const Material& second, float weight) {
+  const Material a = withMeanMetal(first), b = withMeanMetal(second);
   Material m = weight < 0.5f ? a : b;
   m.baseColor = glm::mix(a.baseColor, b.baseColor, weight);
   m.metallic = std::lerp(a.metallic, b.metallic, weight);

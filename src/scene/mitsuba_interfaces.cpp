@@ -79,7 +79,8 @@ void Bsdfs::setAlpha(const Properties& of, Material& m) {
     if (u != v) context_.note(of.element(), "anisotropic roughness is shown as its mean");
   }
   const std::string kind = of.text("distribution", "beckmann");
-  if (kind != "ggx") {
+  m.finish.beckmann = kind == "beckmann";
+  if (kind != "ggx" && kind != "beckmann") {
     context_.note(of.element(), fmt::format("microfacets '{:.40}' are shown as ggx", kind));
   }
   of.ignore({"sample_visible"});
@@ -110,14 +111,11 @@ void Bsdfs::readConductor(const Properties& of, Material& m, bool rough) {
   const float outside = static_cast<float>(indexOf(of, "ext_eta", "vacuum"));
   ior->eta = of.color("eta", ior->eta, ColorKind::kIndex) / outside;
   ior->k = of.color("k", ior->k, ColorKind::kIndex) / outside;
-  m.metallic = 1.0f;
   m.roughness = 0.0f;
+  m.metallic = 1.0f;
   if (rough) setAlpha(of, m);
-  context_.note(of.element(), "metals reflect alike at all angles, by the mean of theirs");
-  const vec3 reflectance = ior->meanReflectance();
-  ColorInput color = textures_.color(of, "specular_reflectance", vec3(1.0f));
-  color.factor *= reflectance;
-  textures_.setBaseColor(m, color);
+  setMetal(*ior, m);
+  textures_.setBaseColor(m, textures_.color(of, "specular_reflectance", vec3(1.0f)));
 }
 
 void Bsdfs::readPlastic(const Properties& of, Material& m, bool rough) {

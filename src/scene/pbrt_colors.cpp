@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 
-#include "src/scene/fresnel.h"
 #include "src/scene/texture_file.h"
 
 namespace trex::detail {
@@ -182,12 +181,11 @@ std::optional<vec3> PbrtColors::indexPart(const PbrtParameters& parameters, std:
   return color ? std::optional(glm::max(*color, vec3(0.0f))) : color;
 }
 
-vec3 PbrtColors::conductor(const PbrtParameters& parameters, std::string_view eta,
-                           std::string_view k) {
+ComplexIor PbrtColors::conductor(const PbrtParameters& parameters, std::string_view eta,
+                                 std::string_view k) {
   const ComplexIor copper = conductorNamed("Cu").value();
-  return ComplexIor{indexPart(parameters, eta, false).value_or(copper.eta),
-                    indexPart(parameters, k, true).value_or(copper.k)}
-      .meanReflectance();
+  return {indexPart(parameters, eta, false).value_or(copper.eta),
+          indexPart(parameters, k, true).value_or(copper.k)};
 }
 
 float PbrtColors::index(const PbrtParameters& parameters, std::string_view name, float otherwise) {

@@ -11,6 +11,7 @@
 #include <memory>
 #include <optional>
 
+#include "src/scene/fresnel.h"
 #include "src/scene/pbrt_context.h"
 #include "src/scene/spectra.h"
 
@@ -38,8 +39,8 @@ class PbrtColors {
   std::optional<vec3> reflectance(const PbrtParameters& parameters, std::string_view name);
   /// What a light sends out, not negative.
   std::optional<vec3> light(const PbrtParameters& parameters, std::string_view name);
-  /// Of a conductor, the mean over all angles: of the parameters `eta` and `k`, copper if absent.
-  vec3 conductor(const PbrtParameters& parameters, std::string_view eta, std::string_view k);
+  /// Of a conductor: the parameters `eta` and `k`, copper's if absent.
+  ComplexIor conductor(const PbrtParameters& parameters, std::string_view eta, std::string_view k);
   /// A refractive index: a number, or a spectrum at the yellow line of sodium; in [1, 10].
   float index(const PbrtParameters& parameters, std::string_view name, float otherwise);
 

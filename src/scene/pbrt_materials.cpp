@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "src/scene/fresnel.h"
 #include "src/scene/image_make.h"
 #include "src/scene/import_detail.h"
 #include "src/scene/texture_file.h"
@@ -42,7 +43,7 @@ std::size_t hashOf(const Material& m) {
   std::size_t hash = std::hash<std::string>()(m.name);
   const auto add = [&](float value) { hash = hash * 1'000'003u ^ std::hash<float>()(value); };
   for (int c = 0; c < 4; ++c) add(m.baseColor[c]);
-  for (int c = 0; c < 3; ++c) add(m.emission[c]);
+  for (int c = 0; c < 3; ++c) add(m.emission[c]), add(m.finish.metalK[c]);
   add(m.metallic);
   add(m.roughness);
   add(static_cast<float>(m.baseColorTexture.image));
@@ -122,8 +123,7 @@ bool PbrtMaterials::makeV3(const std::string& type, const PbrtParameters& p, Mat
     m.specular = 1.0f;
     setRoughness(p, "", 0.1f, false, m);
   } else if (type == "metal") {
-    setBase({colors_.conductor(p, "eta", "k"), {}}, m);
-    m.metallic = 1.0f;
+    setMetal(colors_.conductor(p, "eta", "k"), m);
     setRoughness(p, "", 0.01f, false, m);
   } else if (type == "mirror") {
     setBase(textures_.color(p, "Kr", vec3(0.9f)), m);
@@ -262,7 +262,7 @@ void PbrtMaterials::makeConductor(const PbrtParameters& p, std::string_view pref
                             vec3(0.5f)),
             m);
   } else {
-    setBase({colors_.conductor(p, before + "eta", before + "k"), {}}, m);
+    setMetal(colors_.conductor(p, before + "eta", before + "k"), m);
   }
   m.metallic = 1.0f;
   setRoughness(p, prefix, 0.0f, true, m);
@@ -341,7 +341,7 @@ PbrtMaterials::Made PbrtMaterials::mix(const PbrtParameters& p) {
     context_.replace("of the two materials one in between is shown, a share of {:.3g} of '{:.80}'",
                      share, names[1]);
   }
-  return {between(a.material, b.material, share), false};
+  return {between(withMeanMetal(a.material), withMeanMetal(b.material), share), false};
 }
 
 void PbrtMaterials::setBase(const PbrtTexture& texture, Material& m) {

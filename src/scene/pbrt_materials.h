@@ -1,14 +1,15 @@
 // Materials of pbrt-v3 and v4 as metallic-roughness.
 //
-//   v3 matte, v4 diffuse            base colour; sigma (Oren and Nayar) is said and not shown
-//   v3 plastic, uber                base colour Kd, specular Ks; uber's Kt: transmission, opacity:
-//   alpha v3 substrate, v4 coateddiffuse  base colour; of substrate the ior that reflects Ks v3
-//   metal, mirror, v4 conductor  metallic; the colour is the mean reflectance of eta and k v3
-//   glass, v4 dielectric         transmission with refraction, tinted by Kt v4 thindielectric
-//   transmission that goes straight on disney                          colour, metallic, roughness,
-//   eta, spectrans interface, "", none             not seen; a medium inside is not shown either
+//   v3 matte, v4 diffuse: base colour; sigma (Oren and Nayar) is said and not shown
+//   v3 plastic, uber: base colour Kd, specular Ks; uber's Kt: transmission, opacity: alpha
+//   v3 substrate, v4 coateddiffuse: base colour; of substrate the ior that reflects Ks
+//   v3 metal, mirror, v4 conductor: metallic, by eta and k
+//   v3 glass, v4 dielectric: transmission with refraction, tinted by Kt
+//   v4 thindielectric: transmission that goes straight on
+//   disney: colour, metallic, roughness, eta, spectrans
+//   interface, "", none: not seen; a medium inside is not shown either
 //   mix, translucent, diffusetransmission, coatedconductor, subsurface, hair, measured, fourier:
-//                                   approximated, which is said
+//   approximated, which is said
 //
 // Roughness: pbrt's is remapped to GGX's alpha by its own formulas unless "remaproughness" is
 // false; a material here has the root of alpha.

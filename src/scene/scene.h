@@ -49,7 +49,7 @@ struct Texture {
 enum class AlphaMode : std::uint8_t { kOpaque, kMask, kBlend };
 
 /// What lies on a material or turns its reflection: KHR_materials_clearcoat, _sheen, _anisotropy
-/// and _iridescence. Factors multiply textures.
+/// and _iridescence; a metal's own reflectance; Beckmann's microfacets. Factors multiply textures.
 struct Finish {
   float clearcoat = 0.0f, clearcoatRoughness = 0.0f;  ///< [0, 1]; a layer of index 1.5
   vec3 sheenColor{0.0f};                              ///< [0, 1]
@@ -59,8 +59,13 @@ struct Finish {
   float iridescence = 0.0f;         ///< [0, 1], share of a thin film
   float iridescenceIor = 1.3f;
   float iridescenceThinnest = 100.0f, iridescenceThickest = 400.0f;  ///< nanometres
-  Texture clearcoatTexture;                                          ///< R
-  Texture clearcoatRoughnessTexture;                                 ///< G
+  /// Complex index of the metallic part, by colour: its base colour times Fresnel's reflectance at
+  /// each angle. Both 0: its base colour at all angles.
+  vec3 metalEta{0.0f}, metalK{0.0f};
+  static constexpr float kMostMetalIndex = 1e4f;
+  bool beckmann = false;                ///< instead of GGX, where nothing is anisotropic
+  Texture clearcoatTexture;             ///< R
+  Texture clearcoatRoughnessTexture;    ///< G
   Texture clearcoatNormalTexture;       ///< of the coat alone; the normal map does not bend it
   Texture sheenColorTexture;            ///< sRGB
   Texture sheenRoughnessTexture;        ///< A
@@ -69,7 +74,10 @@ struct Finish {
   Texture iridescenceThicknessTexture;  ///< G, from the thinnest to the thickest
   bool coats() const { return clearcoat > 0.0f; }
   bool sheens() const { return sheenColor.x > 0.0f || sheenColor.y > 0.0f || sheenColor.z > 0.0f; }
-  bool present() const { return coats() || sheens() || anisotropy > 0.0f || iridescence > 0.0f; }
+  bool conducts() const { return metalEta != vec3(0.0f) || metalK != vec3(0.0f); }
+  bool present() const {
+    return coats() || sheens() || anisotropy > 0.0f || iridescence > 0.0f || conducts() || beckmann;
+  }
   bool operator==(const Finish&) const = default;
 };
 

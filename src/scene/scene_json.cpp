@@ -44,6 +44,11 @@ void putFinish(OrderedJson& out, const Finish& finish) {
     if (finish.*n.value != plain.*n.value) out[n.key] = double{finish.*n.value};
   }
   if (finish.sheens()) out["sheen_color"] = jsonList(finish.sheenColor);
+  if (finish.conducts()) {
+    out["metal_eta"] = jsonList(finish.metalEta);
+    out["metal_k"] = jsonList(finish.metalK);
+  }
+  if (finish.beckmann) out["beckmann"] = true;
 }
 
 void readFinish(const JsonObject& o, Finish& finish) {
@@ -51,6 +56,10 @@ void readFinish(const JsonObject& o, Finish& finish) {
     if (o.has(n.key)) finish.*n.value = o.real(n.key, n.low, n.high);
   }
   if (o.has("sheen_color")) finish.sheenColor = jsonVector(o, "sheen_color", 0.0f, 1.0f);
+  if (o.has("metal_eta"))
+    finish.metalEta = jsonVector(o, "metal_eta", 0.0f, Finish::kMostMetalIndex);
+  if (o.has("metal_k")) finish.metalK = jsonVector(o, "metal_k", 0.0f, Finish::kMostMetalIndex);
+  if (o.has("beckmann")) finish.beckmann = o.boolean("beckmann");
 }
 
 }  // namespace
@@ -145,7 +154,10 @@ const std::vector<const char*>& materialKeys() {
                                                 "iridescence",
                                                 "iridescence_ior",
                                                 "iridescence_thinnest_nanometres",
-                                                "iridescence_thickest_nanometres"};
+                                                "iridescence_thickest_nanometres",
+                                                "metal_eta",
+                                                "metal_k",
+                                                "beckmann"};
   return keys;
 }
 

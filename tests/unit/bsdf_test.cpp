@@ -47,6 +47,19 @@ Material brushed(float strength, float rotation) {
   return m;
 }
 
+Material ofIndex(float roughness, bool beckmann) {
+  Material m = glossy(1.0f, roughness, 0.0f, false);
+  m.finish.metalEta = vec3(1.7f, 0.9f, 0.5f);
+  m.finish.metalK = vec3(9.2f, 6.3f, 4.8f);
+  m.finish.beckmann = beckmann;
+  return m;
+}
+
+Material beckmann(Material m) {
+  m.finish.beckmann = true;
+  return m;
+}
+
 Material filmed(float share, float ior) {
   Material m = glossy(0.0f, 0.4f, 0.0f, false);
   m.finish.iridescence = share;
@@ -69,6 +82,11 @@ std::vector<Case> cases() {
           {"cloth", cloth(vec3(0.9f, 0.5f, 0.2f), 0.5f), 0.4f},
           {"coatedCloth", coated(cloth(vec3(0.5f), 0.9f), 1.0f, 0.5f), 0.6f},
           {"brushed", brushed(0.8f, 0.5f), 0.5f},
+          {"aluminium", ofIndex(0.5f, false), 0.3f},
+          {"beckmannMetal", ofIndex(0.5f, true), 0.3f},
+          {"beckmannPlastic", beckmann(glossy(0.0f, 0.6f, 0.0f, false)), 0.6f},
+          {"beckmannThin", beckmann(glossy(0.0f, 0.4f, 1.0f, false)), 0.8f},
+          {"beckmannSolid", beckmann(glossy(0.0f, 0.4f, 1.0f, true)), 0.8f},
           {"soapy", filmed(1.0f, 1.4f), 0.7f}};
 }
 

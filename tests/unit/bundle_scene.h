@@ -26,6 +26,8 @@ inline void addAwkwardNumbers(Scene& scene) {
   glass.name = "glass \"\xc3\xa4\"\n";
   glass.transmission = 0.1f;
   glass.finish.clearcoat = 1.0f / 3.0f;
+  glass.finish.metalEta = vec3(0.2f, 0.9f, 1.1f), glass.finish.metalK = vec3(3.9f, 2.4f, 2.1f);
+  glass.finish.beckmann = true;
   glass.finish.sheenColor = vec3(0.1f, 0.2f, 1.0f / 3.0f);
   glass.finish.iridescenceThickest = 0.1f;
   glass.finish.anisotropyTexture.image = 0;

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "src/crays/bsdf.h"
+#include "src/crays/microfacet.h"
+#include "src/scene/fresnel.h"
 #include "tests/unit/scenes.h"
 
 namespace trex {
@@ -60,6 +62,46 @@ TEST(Finish, ACoatOnBlackReflectsAsFresnelSays) {
   for (const float cosine : {1.0f, 0.5f, 0.1f}) {
     EXPECT_NEAR(albedo(m, cosine), 0.5 * (0.04 + 0.96 * std::pow(1.0 - cosine, 5.0)), 1e-4);
   }
+}
+
+TEST(Finish, MetalsReflectByTheirIndex) {
+  constexpr float kEta[] = {0.0f, 0.2f, 1.0f, 2.9f, 1e4f}, kK[] = {0.0f, 0.01f, 3.0f, 1e4f};
+  for (const float eta : kEta) {
+    for (const float k : kK) {
+      for (const float cosine : {0.0f, 0.01f, 0.3f, 0.9f, 1.0f}) {
+        const double right = detail::fresnelReflectance(double(cosine), {eta, k});
+        const float found = conductorReflectance(cosine, vec3(eta), vec3(k)).y;
+        ASSERT_TRUE(found >= 0.0f && found <= 1.0f) << eta << " " << k << " " << cosine;
+        if (eta * k == 0.0f) continue;  // an index that no metal has
+        EXPECT_NEAR(found, right, 2e-4) << eta << " " << k << " " << cosine;
+      }
+    }
+  }
+  Material smooth;
+  smooth.baseColor = vec4(0.5f, 0.5f, 0.5f, 1.0f);
+  smooth.roughness = 0.0f;
+  detail::setMetal({vec3(1.5f), vec3(2.0f)}, smooth);
+  for (const float cosine : {1.0f, 0.5f, 0.1f}) {
+    EXPECT_NEAR(albedo(smooth, cosine),
+                0.5 * detail::fresnelReflectance(double(cosine), {1.5, 2.0}), 1e-4);
+  }
+}
+
+TEST(Finish, BeckmannIsNormalisedAndItsTailsAreShort) {
+  for (const float alpha : {0.05f, 0.25f, 0.7f}) {
+    double sum = 0.0;
+    constexpr int kSteps = 20000;
+    for (int i = 0; i < kSteps; ++i) {
+      const double c = (i + 0.5) / kSteps;
+      sum += double(beckmannDensity(float(c), alpha)) * c * 2.0 * std::numbers::pi / kSteps;
+    }
+    EXPECT_NEAR(sum, 1.0, 1e-3) << alpha;
+    EXPECT_LT(beckmannDensity(0.5f, 0.25f), 1e-3f * ggxDensity(0.5f, 0.25f));
+  }
+  Material m;
+  m.roughness = 0.5f;
+  m.finish.beckmann = true;
+  EXPECT_NEAR(albedo(m, 0.9f), 1.0, 0.01);
 }
 
 TEST(Finish, SheensTableIsItsIntegral) {

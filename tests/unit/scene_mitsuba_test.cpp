@@ -285,20 +285,37 @@ TEST_F(Mitsuba, AMediumInGlassAbsorbs) {
   }
 }
 
-TEST_F(Mitsuba, MetalsReflectTheirMean) {
+TEST_F(Mitsuba, MetalsReflectByTheirIndex) {
+  const detail::ComplexIor gold = *detail::conductorNamed("Au"),
+                           copper = *detail::conductorNamed("Cu");
   Material m = material(
       "<bsdf type=\"roughconductor\"><string name=\"material\" value=\"Au\"/>"
       "<float name=\"alpha\" value=\"0.04\"/><string name=\"distribution\" value=\"ggx\"/></bsdf>");
   EXPECT_EQ(m.metallic, 1.0f);
   EXPECT_NEAR(m.roughness, 0.2f, 1e-6f);
-  expectNear(vec3(m.baseColor), detail::conductorNamed("Au")->meanReflectance());
+  EXPECT_FALSE(m.finish.beckmann);
+  expectNear(vec3(m.baseColor), vec3(1.0f));
+  expectNear(m.finish.metalEta, gold.eta);
+  expectNear(m.finish.metalK, gold.k);
   m = material(
-      "<bsdf type=\"conductor\"><rgb name=\"eta\" value=\"1.5\"/><rgb name=\"k\" value=\"2\"/>"
+      "<bsdf type=\"roughconductor\"><rgb name=\"eta\" value=\"1.5\"/><rgb name=\"k\" value=\"2\"/>"
+      "<float name=\"ext_eta\" value=\"1.25\"/>"
       "<rgb name=\"specular_reflectance\" value=\"0.5\"/></bsdf>");
-  EXPECT_NEAR(m.baseColor.x, 0.5 * detail::meanReflectance({1.5, 2.0}), 1e-5);
-  expectNear(vec3(material("<bsdf type=\"conductor\"/>").baseColor), vec3(1.0f));
-  expectNear(vec3(material("<bsdf type=\"conductor\"/>", "0.6.0").baseColor),
-             detail::conductorNamed("Cu")->meanReflectance());
+  EXPECT_TRUE(m.finish.beckmann);
+  expectNear(vec3(m.baseColor), vec3(0.5f));
+  expectNear(m.finish.metalEta, vec3(1.2f));
+  expectNear(m.finish.metalK, vec3(1.6f));
+  m = material("<bsdf type=\"conductor\"/>");
+  expectNear(vec3(m.baseColor), vec3(1.0f));
+  EXPECT_FALSE(m.finish.present());
+  expectNear(material("<bsdf type=\"conductor\"/>", "0.6.0").finish.metalK, copper.k);
+  // Of a blend, whose numbers are mixed, the mean.
+  m = material(
+      "<bsdf type=\"blendbsdf\"><float name=\"weight\" value=\"0.25\"/>"
+      "<bsdf type=\"conductor\"><string name=\"material\" value=\"Cu\"/></bsdf>"
+      "<bsdf type=\"diffuse\"><rgb name=\"reflectance\" value=\"0.4\"/></bsdf></bsdf>");
+  expectNear(vec3(m.baseColor), 0.75f * copper.meanReflectance() + 0.1f);
+  EXPECT_FALSE(m.finish.conducts());
 }
 
 TEST_F(Mitsuba, PlasticKeepsItsAlbedo) {
@@ -572,10 +589,10 @@ TEST_F(Mitsuba, WhatIsNotShownIsSaid) {
   const Scene s = read(
       "<integrator type=\"path\"><integer name=\"max_depth\" value=\"5\"/></integrator>"
       "<shape type=\"rectangle\"><bsdf type=\"roughconductor\"><float name=\"glitter\" "
-      "value=\"1\"/></bsdf></shape>");
+      "value=\"1\"/><string name=\"distribution\" value=\"phong\"/></bsdf></shape>");
   EXPECT_TRUE(says(s.warnings, "max_depth 5"));
   EXPECT_TRUE(says(s.warnings, "glitter"));
-  EXPECT_TRUE(says(s.warnings, "beckmann"));
+  EXPECT_TRUE(says(s.warnings, "'phong' are shown as ggx"));
   EXPECT_TRUE(says(s.warnings, "twosided"));
 }
 
