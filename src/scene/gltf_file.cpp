@@ -4,7 +4,9 @@
 #include <nlohmann/json.hpp>
 
 #include "src/scene/gltf_compressed.h"
+#include "src/scene/gltf_repair.h"
 #include "src/scene/image_io.h"
+#include "src/scene/input_file.h"
 #include "src/scene/mapped_file.h"
 #include "src/scene/texture_file.h"
 
@@ -256,28 +258,46 @@ bool writeNothing(std::string*, const std::string&, const std::vector<unsigned c
   return false;
 }
 
-void parseRest(GltfContext& context, const std::string& json) {
+bool load(const std::string& json, tinygltf::Model& model, std::string& error,
+          std::string& warning) {
   tinygltf::TinyGLTF loader;
   loader.SetFsCallbacks({&noFile, &samePath, &readNothing, &writeNothing, nullptr});
-  std::string error, warning;
+  error.clear();
+  warning.clear();
   bool good = false;
   try {
     good = json.size() <= 0xffffffffu &&
-           loader.LoadASCIIFromString(&context.model, &error, &warning, json.data(),
+           loader.LoadASCIIFromString(&model, &error, &warning, json.data(),
                                       static_cast<unsigned>(json.size()), "");
   } catch (const std::bad_alloc&) {
     throw;
   } catch (const std::exception& e) {
     error = e.what();
   }
-  if (!good) context.bad("not valid glTF: {}", oneLine(error.empty() ? "unknown" : error));
+  error = oneLine(!good && error.empty() ? "it has another form" : error);
+  return good;
+}
+
+void parseRest(GltfContext& context, const std::string& json) {
+  std::string error, warning;
+  if (!load(json, context.model, error, warning)) {
+    const std::string first = error;
+    const std::string repaired = repairedGltf(context, json, [&](const std::string& part) {
+      tinygltf::Model model;
+      return load(part, model, error, warning) ? std::string() : error;
+    });
+    context.model = {};
+    if (repaired.empty() || !load(repaired, context.model, error, warning)) {
+      context.bad("not valid glTF: {}", first);
+    }
+  }
   // tinygltf goes on after some errors, with a part of the file missing. One is none: a skin may
   // leave these matrices out.
-  const std::string allowed = "'inverseBindMatrices' property is missing in Skin.\n";
+  const std::string allowed = "'inverseBindMatrices' property is missing in Skin.";
   for (auto at = error.find(allowed); at != error.npos; at = error.find(allowed)) {
     error.erase(at, allowed.size());
   }
-  if (!error.empty()) context.replace("{}; that part is left out", oneLine(error));
+  if (!trimmed(error).empty()) context.replace("{}; that part is left out", trimmed(error));
   if (!warning.empty()) context.warn("{}", oneLine(warning));
 }
 

@@ -63,6 +63,9 @@ Material defaultMaterial();
 /// an index is out of range; `where` names the file and the mesh.
 void sanitiseMesh(Scene& scene, Mesh& mesh, const std::string& where);
 
+/// Tells that a file has points and nothing that joins them, if it has any.
+void tellPoints(Scene& scene, const std::string& file, std::uint64_t points);
+
 /// Furthest coordinate of anything in a scene, metres: squares of lengths stay in single precision.
 inline constexpr double kMaxCoordinate = 1e18;
 

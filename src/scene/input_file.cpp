@@ -53,7 +53,14 @@ void InputFile::require(std::size_t count) {
 void InputFile::beginText() {
   while (filled_ - at_ < 3 && refill()) {
   }
-  if (filled_ - at_ >= 3 && std::memcmp(buffer_.data() + at_, "\xef\xbb\xbf", 3) == 0) at_ += 3;
+  const auto begins = [&](std::string_view mark) {
+    return filled_ - at_ >= mark.size() &&
+           std::memcmp(buffer_.data() + at_, mark.data(), mark.size()) == 0;
+  };
+  if (begins("\xef\xbb\xbf")) at_ += 3;
+  if (begins("\xff\xfe") || begins("\xfe\xff")) {
+    fail(ExitCode::kInput, "{}: is text of UTF-16, which is not read; save it as UTF-8", name_);
+  }
   for (std::size_t i = 0; i + at_ <= filled_; ++i) {
     if (i + at_ + 1 >= filled_ && (i > kMaxLine || !refill())) return;
     const std::uint8_t c = buffer_[at_ + i], next = buffer_[at_ + i + 1];

@@ -14,8 +14,7 @@ namespace trex::detail {
 namespace {
 
 /// Statements that say nothing about light, or the same as others.
-const std::set<std::string_view> kSilent = {"ka",        "map_ka", "illum",  "tf",
-                                            "sharpness", "map_ns", "map_aat"};
+const std::set<std::string_view> kSilent = {"ka", "map_ka", "sharpness", "map_ns", "map_aat"};
 
 /// What one material's statements say, before it is made.
 struct Read {
@@ -23,6 +22,8 @@ struct Read {
   bool color = false, emission = false;
   vec3 specular{0.0f};
   bool specularGiven = false;
+  bool glass = false;
+  vec3 filter{1.0f};
   float bumpStrength = 1.0f;
   Texture opacity, roughnessMap, metallicMap, bump, normal;
 };
@@ -48,9 +49,7 @@ class MtlReader {
       }
     }
     finish();
-    if (!ignored_.empty()) {
-      scene_.warnings.push_back(fmt::format("{}: not shown:{}", input_.file(), ignored_));
-    }
+    leftOut_.tell(scene_, input_.file());
   }
 
  private:
@@ -85,6 +84,10 @@ class MtlReader {
     }
     m.baseColor.a = opacity();
     if (m.baseColor.a < 1.0f) m.alphaMode = AlphaMode::kBlend;
+    if (read_.glass) {
+      leftOut_.add("illum of glass");
+      if (read_.filter != vec3(1.0f)) leftOut_.add("Tf");
+    }
     if (read_.opacity.present()) addOpacity(m);
     addRoughnessAndMetallic(m);
     addNormals(m);
@@ -92,6 +95,15 @@ class MtlReader {
   }
 
   float opacity() {
+    const float opacity = givenOpacity();
+    if (opacity == 0.0f) {
+      scene_.warnings.push_back(fmt::format("{}: material '{}': its opacity is 0: it is not seen",
+                                            input_.file(), material().name));
+    }
+    return opacity;
+  }
+
+  float givenOpacity() {
     const std::string who = fmt::format("{}: material '{}'", input_.file(), material().name);
     if (!read_.transparency) return read_.dissolve.value_or(1.0f);
     const float clear = *read_.transparency;
@@ -223,6 +235,10 @@ class MtlReader {
       m.metallic = number(nextWord(line), 0.0, 1.0).value_or(m.metallic);
     } else if (keyword == "ni") {
       m.ior = number(nextWord(line), 1.0, 10.0).value_or(m.ior);
+    } else if (keyword == "illum") {
+      readIllumination(line);
+    } else if (keyword == "tf") {
+      read_.filter = color(line, 1.0).value_or(vec3(1.0f));
     } else if (keyword == "d") {
       readDissolve(line);
     } else if (keyword == "tr") {
@@ -251,6 +267,13 @@ class MtlReader {
     return true;
   }
 
+  /// Models 4, 6, 7 and 9 are of glass.
+  void readIllumination(std::string_view line) {
+    std::int64_t model = 0;
+    parseInteger(nextWord(line), model);
+    read_.glass = model == 4 || model == 6 || model == 7 || model == 9;
+  }
+
   void readDissolve(std::string_view line) {
     std::string_view word = nextWord(line);
     if (word == "-halo") {
@@ -263,11 +286,7 @@ class MtlReader {
   /// Notes a statement once; one of a value of 0 is none.
   void ignore(std::string_view keyword, std::string_view line) {
     double value = 1.0;
-    if (parseNumber(nextWord(line), value) && value == 0.0) return;
-    constexpr std::size_t kMost = 30;
-    if (said_.size() < kMost && said_.insert(std::string(keyword.substr(0, 40))).second) {
-      ignored_.append(" ").append(utf8Of(keyword.substr(0, 40)));
-    }
+    if (!parseNumber(nextWord(line), value) || value != 0.0) leftOut_.add(keyword);
   }
 
   void readMap(std::string_view keyword, std::string_view line) {
@@ -319,6 +338,16 @@ class MtlReader {
     return true;
   }
 
+  /// A name without the options behind it, where some exporters have them; those count too.
+  std::string_view withoutOptions(std::string_view name, Texture& made) {
+    const std::size_t at = name.find(" -");
+    if (at == name.npos) return name;
+    std::string_view options = trimmed(name.substr(at));
+    while (readOption(options, made)) {
+    }
+    return trimmed(options).empty() ? trimmed(name.substr(0, at)) : name;
+  }
+
   /// "[-option values] file name with blanks"; of the options, -s, -o, -clamp and -bm count.
   Texture texture(std::string_view keyword, std::string_view line) {
     Texture made;
@@ -329,10 +358,12 @@ class MtlReader {
       replace("{} names no file; it is left out", keyword);
       return {};
     }
-    std::error_code error;
-    if (!std::filesystem::is_regular_file(findFile(folder_, std::string(name)), error)) {
-      name = withoutComment(name);
-    }
+    const auto known = [&] {
+      std::error_code error;
+      return std::filesystem::is_regular_file(findFile(folder_, std::string(name)), error);
+    };
+    if (!known()) name = withoutComment(name);
+    if (!known()) name = withoutOptions(name, made);
     const bool color = keyword == "map_kd" || keyword == "map_ke" || keyword == "map_ks";
     made.image = imageOfFile(scene_, folder_, std::string(name), color,
                              input_.where() + ": texture", "it is left out");
@@ -346,8 +377,7 @@ class MtlReader {
   std::map<std::string, int>& names_;
   int current_ = kNone;
   Read read_;
-  std::set<std::string> said_;
-  std::string ignored_;  ///< keywords that are not shown
+  LeftOut leftOut_;
 };
 
 }  // namespace

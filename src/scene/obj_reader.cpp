@@ -9,6 +9,12 @@
 namespace trex::detail {
 namespace {
 
+/// Statements that do not change what is seen of polygons.
+const std::set<std::string_view> kUnseen = {
+    "g",         "vp",   "mg",   "lod",  "bevel", "c_interp", "d_interp", "shadow_obj",
+    "trace_obj", "bmat", "step", "parm", "trim",  "hole",     "scrv",     "cstype",
+    "deg",       "sp",   "end",  "con",  "ctech", "stech"};
+
 std::string outOfRange(std::size_t kind, std::int64_t value, std::size_t size) {
   constexpr std::array<const char*, 3> kNames = {"vertex", "texture coordinate", "normal"};
   return fmt::format("{} {} is out of range; there are {}", kNames[kind], value, size);
@@ -45,7 +51,7 @@ void ObjReader::readAll() {
 void ObjReader::readStatement(std::string_view keyword, std::string_view line) {
   if (keyword == "v") {
     readPosition(line);
-  } else if (keyword == "f") {
+  } else if (keyword == "f" || keyword == "fo") {
     readFace(line);
   } else if (keyword == "vn") {
     readNormal(line);
@@ -68,6 +74,8 @@ void ObjReader::readStatement(std::string_view keyword, std::string_view line) {
     ++linesAndPoints_;
   } else if (keyword == "surf" || keyword == "curv" || keyword == "curv2") {
     ++freeForms_;
+  } else if (!kUnseen.contains(keyword) && keyword.front() >= 'a' && keyword.front() <= 'z') {
+    leftOut_.add(keyword);
   }
 }
 
@@ -135,7 +143,12 @@ bool ObjReader::readLibrary(std::string_view name) {
   std::error_code error;
   const std::filesystem::path file = findFile(path_.parent_path(), std::string(name));
   if (!std::filesystem::is_regular_file(file, error)) return false;
-  readMtl(file, options_, scene_, materialNames_);
+  try {
+    readMtl(file, options_, scene_, materialNames_);
+  } catch (const Error& e) {
+    if (e.code() != ExitCode::kInput) throw;
+    replace("{}; the rest of that file is left out", e.what());
+  }
   return true;
 }
 
@@ -194,6 +207,7 @@ bool ObjReader::known(const ObjCorner& c) const {
 }
 
 void ObjReader::readFace(std::string_view line) {
+  facesSeen_ = true;
   corners_.clear();
   bool allKnown = true;
   for (std::string_view w = nextWord(line); !w.empty(); w = nextWord(line)) {
@@ -325,6 +339,10 @@ void ObjReader::tellWhatIsLeftOut() {
   tell(freeForms_, "free-form curves and surfaces are left out");
   tell(smallFaces_, "faces with fewer than 3 corners are left out");
   tell(crossedFaces_, "faces cross themselves; fans of triangles are used");
+  if (linesAndPoints_ + freeForms_ == 0 && !facesSeen_) {
+    tellPoints(scene_, file(), positions_.size());
+  }
+  leftOut_.tell(scene_, file());
 }
 
 }  // namespace trex::detail

@@ -4,6 +4,7 @@
 
 #include <compare>
 #include <map>
+#include <set>
 #include <span>
 #include <string>
 #include <vector>
@@ -101,7 +102,7 @@ class ObjReader {
   std::map<std::string, int> materialNames_;
   int object_ = kNone, material_ = 0;
   std::int32_t smoothing_ = 0, ownNormals_ = 0;
-  bool objectsNamed_ = false;
+  bool objectsNamed_ = false, facesSeen_ = false;
   GrowingArray<WaitingFace> waiting_;
   GrowingArray<ObjCorner> waitingCorners_;
   // Of the face under way.
@@ -109,6 +110,7 @@ class ObjReader {
   std::vector<dvec3> points_;
   PolygonCutter cutter_;
   std::uint64_t linesAndPoints_ = 0, freeForms_ = 0, smallFaces_ = 0, crossedFaces_ = 0;
+  LeftOut leftOut_;
 };
 
 }  // namespace trex::detail

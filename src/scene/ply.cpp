@@ -26,9 +26,40 @@ class PlyReader {
       : file_(path), path_(path), options_(options) {}
 
   Scene read() {
+    const bool ahead = facesComeFirst();
+    if (ahead) {
+      readElements([](const PlyElement& e) { return e.name == "vertex"; });
+      file_ = PlyFile(path_);
+    }
+    readElements([&](const PlyElement& e) { return !ahead || e.name != "vertex"; });
+    return finish();
+  }
+
+ private:
+  template <typename... Args>
+  void replace(std::uint64_t parts, fmt::format_string<Args...> format, Args&&... args) {
+    if (parts == 0) return;
+    scene_.replaced.add(
+        fmt::format("{}: {}", file_.name(), fmt::format(format, std::forward<Args>(args)...)),
+        parts);
+  }
+
+  /// Whether what joins vertices stands before them: they are read ahead then.
+  bool facesComeFirst() const {
+    for (const PlyElement& element : file_.elements()) {
+      if (element.name == "vertex") return false;
+      if ((element.name == "face" || element.name == "tristrips") && element.count > 0) return true;
+    }
+    return false;
+  }
+
+  template <typename Wanted>
+  void readElements(const Wanted& wanted) {
     for (const PlyElement& element : file_.elements()) {
       file_.checkCount(element);
-      if (element.name == "vertex") {
+      if (!wanted(element)) {
+        file_.skip(element);
+      } else if (element.name == "vertex") {
         readVertices(element);
       } else if (element.name == "face") {
         readFaces(element);
@@ -42,16 +73,6 @@ class PlyReader {
         file_.skip(element);
       }
     }
-    return finish();
-  }
-
- private:
-  template <typename... Args>
-  void replace(std::uint64_t parts, fmt::format_string<Args...> format, Args&&... args) {
-    if (parts == 0) return;
-    scene_.replaced.add(
-        fmt::format("{}: {}", file_.name(), fmt::format(format, std::forward<Args>(args)...)),
-        parts);
   }
 
   void readVertices(const PlyElement& element) {
@@ -74,6 +95,7 @@ class PlyReader {
       if (uv) mesh_.texCoords.push_back(vec2(value[kU], 1.0 - value[kV]));
       if (row.colors()) mesh_.colors.push_back(row.color());
     }
+    tellBright(scene_, file_.name(), row);
   }
 
   void readFaces(const PlyElement& element) {
@@ -91,6 +113,7 @@ class PlyReader {
       if (!checkFace(i)) continue;
       ownCorners ? addOwnCorners(face, wedges) : addShared();
     }
+    tellBright(scene_, file_.name(), face.row);
     replace(smallFaces_, "{} faces with fewer than 3 corners are left out", smallFaces_);
     replace(badFaces_, "{}; {} such faces are left out", firstBadFace_, badFaces_);
     replace(crossedFaces_, "{} faces cross themselves; fans of triangles are used", crossedFaces_);
@@ -171,7 +194,7 @@ class PlyReader {
   }
 
   /// Corners of the face have its colour, and texture coordinates of their own.
-  void addOwnCorners(const PlyFaceRow& face, bool wedges) {
+  void addOwnCorners(PlyFaceRow& face, bool wedges) {
     Part& part = parts_[texture_];
     const auto triangles = cutFace();
     std::int32_t color = -1;
@@ -288,11 +311,8 @@ class PlyReader {
       replace(file_.badNumbers(), "{} is not a number; not-a-number is used",
               file_.firstBadNumber());
     }
-    if (mesh_.triangles.empty() && parts_.empty() && !mesh_.positions.empty()) {
-      replace(1,
-              "it is a cloud of {} points without faces, which are not drawn; make a surface of "
-              "them first",
-              mesh_.positions.size());
+    if (mesh_.triangles.empty() && parts_.empty()) {
+      tellPoints(scene_, file_.name(), mesh_.positions.size());
     }
     for (auto& [texture, part] : parts_) {
       if (!part.triangles.empty()) add(meshOf(part), texture);

@@ -89,6 +89,7 @@ bool convertPly(const std::filesystem::path& path, Scene& scene, PlyLayout& layo
   layout.faces = faces.count;
   file.checkCount(vertices);
   convertVertices(file, row, layout, vertices.count, out);
+  tellBright(scene, file.name(), row);
   file.checkCount(faces);
   convertFaces(file, faces, out);
   if (file.badNumbers() > 0) {

@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "src/core/error.h"
 #include "src/scene/ply_file.h"
 #include "src/scene/scene.h"
 
@@ -89,12 +90,15 @@ struct PlyRow {
   bool texCoords() const { return has[kU] && has[kV]; }
   bool colors() const { return has[kRed] && has[kGreen] && has[kBlue]; }
   /// Of the values read last. Integers are sRGB, floats linear.
-  glm::u8vec4 color() const {
+  glm::u8vec4 color() {
     vec4 c(1.0f);
+    bool bright = false;
     for (int k = 0; k < 3; ++k) {
       const auto channel = static_cast<float>(value[kRed + k] / divisor[kRed + k]);
+      bright = bright || channel > 1.0f;
       c[k] = srgb ? decodeSrgb(channel) : channel;
     }
+    tooBright += bright;
     if (has[kAlpha]) c.a = static_cast<float>(value[kAlpha] / divisor[kAlpha]);
     return packVertexColor(c);
   }
@@ -103,8 +107,17 @@ struct PlyRow {
   std::vector<Slot> slots;  ///< by property
   std::array<bool, kSlots> has{};
   std::array<double, kSlots> value{}, divisor{};
+  std::uint64_t tooBright = 0;  ///< of the colours, those that had to be clamped
   bool srgb = false, wide = false;
 };
+
+inline void tellBright(Scene& scene, const std::string& file, const PlyRow& row) {
+  if (row.tooBright == 0) return;
+  scene.replaced.add(
+      fmt::format("{}: {} colours of floats are above 1, which is used; 255 is one "
+                  "of integers",
+                  file, row.tooBright));
+}
 
 /// Where a face's row keeps what is shown.
 struct PlyFaceRow {

@@ -155,4 +155,12 @@ void removeEmptyMeshes(Scene& scene) {
   for (Instance& instance : scene.instances) instance.mesh = newIndex[instance.mesh];
 }
 
+void tellPoints(Scene& scene, const std::string& file, std::uint64_t points) {
+  if (points == 0) return;
+  scene.replaced.add(fmt::format(
+      "{}: it is a cloud of {} points without faces, which are not drawn; make a surface of them "
+      "first",
+      file, points));
+}
+
 }  // namespace trex::detail

@@ -22,6 +22,18 @@ void lowerCase(std::string_view word, std::string& out) {
 
 }  // namespace
 
+void LeftOut::add(std::string_view keyword) {
+  constexpr std::size_t kMost = 30, kLongest = 40;
+  const std::string_view start = keyword.substr(0, kLongest);
+  if (said_.size() < kMost && said_.insert(std::string(start)).second) {
+    text_.append(" ").append(utf8Of(start));
+  }
+}
+
+void LeftOut::tell(Scene& scene, const std::string& file) const {
+  if (!text_.empty()) scene.warnings.push_back(fmt::format("{}: not shown:{}", file, text_));
+}
+
 std::string_view withoutComment(std::string_view arguments) {
   std::size_t at = arguments.find('#');
   while (at != arguments.npos && at > 0 && arguments[at - 1] != ' ' && arguments[at - 1] != '\t') {

@@ -1,10 +1,12 @@
 // Lines of OBJ and MTL files: a keyword and its arguments.
 #pragma once
 
+#include <set>
 #include <string>
 #include <string_view>
 
 #include "src/scene/input_file.h"
+#include "src/scene/scene.h"
 
 namespace trex::detail {
 
@@ -26,6 +28,18 @@ class Statements {
  private:
   InputFile input_;
   std::string keyword_, joined_;
+};
+
+/// Keywords of statements that are not shown, each once.
+class LeftOut {
+ public:
+  void add(std::string_view keyword);
+  /// Tells them in the scene's warnings, if there are any.
+  void tell(Scene& scene, const std::string& file) const;
+
+ private:
+  std::set<std::string> said_;
+  std::string text_;
 };
 
 /// A name without the comment behind it, if it looks like having one.

@@ -23,21 +23,37 @@ std::string lower(std::string text) {
   return text;
 }
 
-/// A file of the folder whose name differs in case alone, the first by name; empty if none.
-fs::path otherCase(const fs::path& path) {
+/// An entry of the folder whose name differs in case alone, the first by name; empty if none.
+fs::path otherCase(const fs::path& folder, const fs::path& name, bool file) {
   constexpr int kMostEntries = 10'000;
-  const std::string wanted = lower(path.filename().string());
+  const std::string wanted = lower(name.string());
   fs::path best;
-  std::error_code error;
+  std::error_code error, ignored;
   int entries = 0;
-  const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
   for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
     if (++entries > kMostEntries) break;
     const fs::path& found = at->path();
-    if (lower(found.filename().string()) != wanted || !isFile(found)) continue;
+    if (lower(found.filename().string()) != wanted) continue;
+    if (file ? !isFile(found) : !fs::is_directory(found, ignored)) continue;
     if (best.empty() || found < best) best = found;
   }
   return best;
+}
+
+/// A file below the folder whose path differs in case alone; empty if none.
+fs::path otherCase(fs::path folder, const fs::path& path) {
+  constexpr int kMostParts = 64;
+  std::error_code error;
+  int parts = 0;
+  for (auto at = path.begin(); at != path.end(); ++at) {
+    if (++parts > kMostParts) return {};
+    const bool last = std::next(at) == path.end();
+    const fs::path plain = folder / *at;
+    const bool there = last ? isFile(plain) : fs::is_directory(plain, error);
+    folder = there ? plain : otherCase(folder, *at, last);
+    if (folder.empty()) return {};
+  }
+  return folder;
 }
 
 }  // namespace
@@ -55,8 +71,9 @@ fs::path findFile(const fs::path& folder, std::string name) {
   for (const fs::path& path : {written, beside}) {
     if (isFile(path)) return path;
   }
-  for (const fs::path& path : {written, beside}) {
-    if (const fs::path other = otherCase(path); !other.empty()) return other;
+  for (const fs::path& path : {fs::path(name), fs::path(name).filename()}) {
+    const fs::path from = folder.empty() ? fs::path(".") : folder;
+    if (const fs::path other = otherCase(from, path); !other.empty()) return other;
   }
   return written;
 }

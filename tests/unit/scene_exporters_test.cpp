@@ -168,7 +168,9 @@ TEST_F(SceneExporters, ObjTextInEveryManner) {
       upper,
       v + "f -4 -3 -2 -1\n",
       v + "o W\xe4nde\nf 1 2 3 4\n",
-      v + "vn 0 0 1\nvt 0 0\nf 1/1/1 2//1 3/1 4\n"};
+      v + "vn 0 0 1\nvt 0 0\nf 1/1/1 2//1 3/1 4\n",
+      v + "fo 1 2 3 4\n",
+      "\tv\t0 0\t0\n v +1. -0 .0e0\nv 1 1 0 1\nv 0 1 0\nf 1/ 2// 3/ 4\n\x1a"};
   for (const std::string& text : texts) {
     const Scene s = import("a.obj", text);
     EXPECT_EQ(s.replaced.count, 0u) << text;
@@ -177,6 +179,35 @@ TEST_F(SceneExporters, ObjTextInEveryManner) {
     EXPECT_NEAR(area(s.meshes[0]), 1.0, 1e-6) << text;
   }
   EXPECT_EQ(import("a.obj", texts[12]).objects[0], "W\xc3\xa4nde");
+}
+
+TEST_F(SceneExporters, ObjStatementsThatAreNotShownAreSaid) {
+  const std::string square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
+  const Scene s = import("a.obj", "call other.obj\nusemap wood\nlod 3\nmg 1 2\n" + square);
+  EXPECT_TRUE(anyWarning(s, "not shown: call usemap"));
+  EXPECT_FALSE(anyWarning(s, "lod"));
+  EXPECT_EQ(s.triangleCount(), 2u);
+  // Glass by its illumination model is opaque here.
+  EXPECT_TRUE(
+      (material("Kd 1 1 1\nTf 0.5 1 0.5\nillum 7\n"), anyWarning(scene_, "illum of glass")));
+  EXPECT_TRUE(anyWarning(scene_, "Tf"));
+  EXPECT_FALSE((material("Kd 1 1 1\nTf 0.5 1 0.5\nillum 2\n"), anyWarning(scene_, "not shown")));
+  const auto refused = [&](const std::string& text) {
+    try {
+      import("b.obj", text);
+      return std::string("accepted");
+    } catch (const Error& e) {
+      EXPECT_EQ(e.code(), ExitCode::kInput);
+      return std::string(e.what());
+    }
+  };
+  EXPECT_NE(refused("v 0 0 0\nv 1 0 0\n").find("cloud of 2 points"), std::string::npos);
+  EXPECT_NE(refused(std::string("\xff\xfev\0 \0", 6)).find("UTF-16"), std::string::npos);
+  // A library that can't be read takes no geometry along.
+  write("wide.mtl", "\xfe\xff");
+  const Scene wide = import("c.obj", "mtllib wide.mtl\n" + square);
+  EXPECT_TRUE(anyReplaced(wide, "UTF-16"));
+  EXPECT_EQ(wide.triangleCount(), 2u);
 }
 
 TEST_F(SceneExporters, MaterialsBehindAByteOrderMarkAndNamesWithHashes) {
@@ -205,7 +236,8 @@ TEST_F(SceneExporters, OpacityOfMtl) {
                         {"Tr 1\nd 1\n", 1.0f, true},
                         {"d 0.25\nTr 0.25\n", 0.25f, true},
                         {"d 0\nTr 0\n", 1.0f, true},
-                        {"d 0\nTr 1\n", 0.0f, false},
+                        {"d 0\nTr 1\n", 0.0f, true},
+                        {"d 0\n", 0.0f, true},
                         {"Tr 1.000000\n", 1.0f, true},
                         {"Tr 0.25\n", 0.75f, false},
                         {"d -halo 0.5\n", 0.5f, true},
@@ -224,7 +256,8 @@ TEST_F(SceneExporters, TexturesByNamesOfOtherMachines) {
   for (const char* name :
        {"Wood Tex.png", "wood tex.png", "\"Wood Tex.png\"", ".\\Wood Tex.png",
         "C:\\Users\\me\\Wood Tex.png", "/home/someone/Wood Tex.png", "maps\\in folder.png",
-        "-s 2 2 1 -o 0.5 0 0 -blendu off -texres 512 Wood Tex.png", "Wood Tex.png # oak"}) {
+        "-s 2 2 1 -o 0.5 0 0 -blendu off -texres 512 Wood Tex.png", "Wood Tex.png # oak",
+        "Wood Tex.png -bm 0.5 -clamp on", "MAPS/In Folder.png"}) {
     const Material m = material(std::string("map_Kd ") + name + "\n");
     EXPECT_EQ(scene_.replaced.count, 0u) << name;
     ASSERT_TRUE(m.baseColorTexture.present()) << name;
@@ -377,6 +410,58 @@ TEST_F(SceneExporters, PlyColoursOfFacesAndOfAllTypes) {
                               fmt::format("0 0 0 {0}\n1 0 0 {0}\n1 1 0 {0}\n3 0 1 2\n", row)));
     EXPECT_EQ(s.meshes[0].colors[0], color) << type;
   }
+}
+
+/// 64 dark greys of bytes keep apart through the importers of PLY and OBJ.
+TEST_F(SceneExporters, DarkColoursOfFilesDoNotBand) {
+  std::string ply =
+      "element vertex 192\nproperty float x\nproperty float y\nproperty float z\n"
+      "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+      "element face 64\nproperty list uchar int vertex_indices\n";
+  std::string rows, faces, obj;
+  for (int i = 0; i < 64; ++i) {
+    for (const char* corner : {"0 0", "1 0", "0 1"}) {
+      rows += fmt::format("{0} {1} {1} {1} {1}\n", corner, i);
+      obj +=
+          fmt::format("v {} {} {:.6f} {:.6f} {:.6f}\n", corner, i, i / 255.0, i / 255.0, i / 255.0);
+    }
+    faces += fmt::format("3 {} {} {}\n", 3 * i, 3 * i + 1, 3 * i + 2);
+    obj += "f -3 -2 -1\n";
+  }
+  const Scene a = import("a.ply", plyOf(ply, rows + faces)), b = import("b.obj", obj);
+  for (const Scene* s : {&a, &b}) {
+    const Mesh& m = s->meshes[0];
+    ASSERT_EQ(m.colors.size(), 192u);
+    for (std::size_t v = 0; v < 192; ++v) {
+      const int grey = static_cast<int>(std::lround(m.positions[v].z));
+      const float right = decodeSrgb8(static_cast<std::uint8_t>(grey));
+      EXPECT_EQ(unpackVertexColor(m.colors[v]), vec4(right, right, right, 1.0f));
+    }
+  }
+}
+
+TEST_F(SceneExporters, PlyFacesBeforeTheirVertices) {
+  const std::string face = "element face 1\nproperty list uchar int vertex_indices\n";
+  const Scene a = import("a.ply", plyOf(face + kSquare, "4 0 1 2 3\n" + kCorners));
+  EXPECT_EQ(a.triangleCount(), 2u);
+  EXPECT_EQ(a.replaced.count, 0u);
+  EXPECT_NEAR(area(a.meshes[0]), 1.0, 1e-6);
+  const Scene b =
+      import("b.ply", plyOf("element tristrips 1\nproperty list int int vertex_indices\n" + kSquare,
+                            "4 0 1 3 2\n" + kCorners));
+  EXPECT_NEAR(area(b.meshes[0]), 1.0, 1e-6);
+}
+
+TEST_F(SceneExporters, PlyColoursOfFloatsAboveOneAreSaid) {
+  std::string header = kSquare;
+  for (const char* c : {"red", "green", "blue"}) {
+    header += std::string("property float ") + c + "\n";
+  }
+  const std::string rows = "0 0 0 255 128 0\n1 0 0 1 1 1\n1 1 0 0.5 0 0\n0 1 0 0 0 0\n4 0 1 2 3\n";
+  const Scene s = import(
+      "a.ply", plyOf(header + "element face 1\nproperty list uchar int vertex_indices\n", rows));
+  EXPECT_TRUE(anyReplaced(s, "1 colours of floats are above 1"));
+  EXPECT_EQ(s.meshes[0].colors[0], glm::u8vec4(255, 255, 0, 255));
 }
 
 TEST_F(SceneExporters, PlyTextKeepsItsDigits) {

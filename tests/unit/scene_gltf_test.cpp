@@ -381,5 +381,90 @@ TEST_F(SceneGltf, FarNodeKeepsItsPlace) {
   EXPECT_DOUBLE_EQ(s.bounds().upper.x, 5e6 + 1);
 }
 
+/// Positions of u16 and normals of i8, as KHR_mesh_quantization allows, placed by their node.
+TEST_F(SceneGltf, QuantisedPositionsAndNormals) {
+  GlbBuilder b;
+  const int p = b.view(bytesOf<std::uint16_t>({0, 0, 0, 0, 1000, 0, 0, 0, 1000, 1000, 0, 0}), 8);
+  const int n = b.view(bytesOf<std::int8_t>({0, 0, 127, 0, 0, 0, 127, 0, 0, 127, 0, 0}), 4);
+  b.doc["accessors"] = {
+      {{"bufferView", p}, {"componentType", 5123}, {"type", "VEC3"}, {"count", 3}},
+      {{"bufferView", n},
+       {"componentType", 5120},
+       {"type", "VEC3"},
+       {"count", 3},
+       {"normalized", true}}};
+  b.node({{"mesh", b.mesh({{"attributes", {{"POSITION", 0}, {"NORMAL", 1}}}})},
+          {"scale", {0.002, 0.002, 0.002}},
+          {"translation", {-1, -1, 0}}});
+  b.doc["extensionsUsed"] = b.doc["extensionsRequired"] = {"KHR_mesh_quantization"};
+  const Scene s = import("a.glb", b.glb());
+  EXPECT_EQ(s.replaced.count, 0u);
+  EXPECT_NEAR(s.bounds().lower.x, -1.0, 1e-9);
+  EXPECT_NEAR(s.bounds().upper.y, 1.0, 1e-9);
+  EXPECT_EQ(s.meshes[0].normals[0], vec3(0, 0, 1));
+  EXPECT_EQ(s.meshes[0].normals[2], vec3(0, 1, 0));
+}
+
+/// Without a buffer view all is 0 but what is listed, in any order.
+TEST_F(SceneGltf, SparseAccessorOfNothing) {
+  GlbBuilder b = triangleGlb();
+  const int indices = b.view(bytesOf<std::uint16_t>({2, 1}));
+  const int values = b.view(bytesOf<float>({0, 3, 0, 2, 0, 0}));
+  b.doc["accessors"][0] = {{"componentType", 5126},
+                           {"type", "VEC3"},
+                           {"count", 3},
+                           {"sparse",
+                            {{"count", 2},
+                             {"indices", {{"bufferView", indices}, {"componentType", 5123}}},
+                             {"values", {{"bufferView", values}}}}}};
+  const Scene s = import("a.glb", b.glb());
+  ASSERT_EQ(s.meshes.size(), 1u);
+  EXPECT_EQ(s.meshes[0].positions, (std::vector<vec3>{{0, 0, 0}, {2, 0, 0}, {0, 3, 0}}));
+}
+
+TEST_F(SceneGltf, DeepAndWideTreesOfNodes) {
+  constexpr int kNodes = 50000;
+  GlbBuilder deep = triangleGlb(), wide = triangleGlb();
+  json chain = json::array(), children = json::array();
+  for (int i = 0; i < kNodes; ++i) {
+    chain.push_back({{"translation", {1, 0, 0}}, {"children", {i + 1}}});
+    children.push_back(i + 1);
+  }
+  chain.push_back({{"mesh", 0}});
+  deep.doc["nodes"] = std::move(chain);
+  const Scene d = import("deep.glb", deep.glb());
+  EXPECT_EQ(d.bounds().upper.x, kNodes + 1.0);
+  EXPECT_EQ(d.replaced.count, 0u);
+  json nodes = json::array({{{"children", std::move(children)}}});
+  for (int i = 0; i < kNodes; ++i) nodes.push_back({{"mesh", 0}});
+  wide.doc["nodes"] = std::move(nodes);
+  EXPECT_EQ(import("wide.glb", wide.glb()).instances.size(), std::size_t(kNodes));
+}
+
+/// Blanks, letters beyond ASCII, a percent sign, plus and ampersand, folders in another case.
+TEST_F(SceneGltf, NamesOfFilesInUris) {
+  const std::string folder = "My dir \xc3\xbc";
+  std::filesystem::create_directories(folder_ / folder);
+  write(folder + "/tex 100%.png", tinyPng());
+  write(folder + "/a+b&c.png", tinyPng());
+  GlbBuilder b = triangleGlb();
+  const int uv = b.floats({0, 0, 1, 0, 0, 1}, "VEC2");
+  write(folder + "/buf fer.bin", b.bin);
+  b.doc["buffers"] = {{{"byteLength", b.bin.size()}, {"uri", "My%20dir%20%C3%BC/buf%20fer.bin"}}};
+  b.doc["materials"] = {{{"pbrMetallicRoughness", {{"baseColorTexture", {{"index", 0}}}}}}};
+  b.doc["meshes"][0]["primitives"][0]["material"] = 0;
+  b.doc["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"] = uv;
+  b.doc["textures"] = {{{"source", 0}}};
+  for (const char* uri :
+       {"My%20dir%20%C3%BC/tex%20100%25.png", "./My%20dir%20%c3%bc/a%2Bb%26c.png",
+        "My dir \xc3\xbc/a+b&c.png", "My dir \xc3\xbc\\a+b&c.png", "my DIR \xc3\xbc/A+B&C.PNG"}) {
+    b.doc["images"] = {{{"uri", uri}}};
+    const Scene s = import("a.gltf", b.doc.dump());
+    EXPECT_EQ(s.replaced.count, 0u) << uri;
+    EXPECT_EQ(s.images.size(), 1u) << uri;
+    EXPECT_EQ(s.triangleCount(), 1u) << uri;
+  }
+}
+
 }  // namespace
 }  // namespace trex::test

@@ -245,6 +245,46 @@ TEST_F(SceneReplaced, GltfParts) {
   }
 }
 
+/// What the parser refuses a file for: the part is left out, and the rest is read.
+TEST_F(SceneReplaced, GltfPartsOfAnotherForm) {
+  struct Case {
+    const char* what;
+    std::function<void(json&)> change;
+    const char* message;
+  };
+  const json second = {{"attributes", {{"POSITION", 0}}}, {"indices", 77}};
+  for (const Case& c : std::vector<Case>{
+           {"mesh that is null", [](json& d) { d["meshes"].push_back(nullptr); }, "meshes 1"},
+           {"accessor that is text", [](json& d) { d["accessors"].push_back("x"); }, "accessors 1"},
+           {"accessor of no type",
+            [](json& d) {
+              d["accessors"].push_back({{"componentType", 5126}, {"count", 3}, {"type", "VEC9"}});
+            },
+            "VEC9"},
+           {"view that is a number", [](json& d) { d["bufferViews"].push_back(7); },
+            "bufferViews 1"},
+           {"texture that is text", [](json& d) { d["textures"] = json::array({"x"}); },
+            "textures 0"},
+           {"sampler that is null", [](json& d) { d["samplers"] = json::array({nullptr}); },
+            "samplers 0"},
+           {"channels that are a number",
+            [](json& d) {
+              d["animations"] = {{{"channels", 5}}};
+            },
+            "animations 0"},
+           {"camera of no type", [](json& d) { d["cameras"] = json::array({json::object()}); },
+            "cameras 0"},
+           {"indices of no accessor",
+            [&](json& d) { d["meshes"][0]["primitives"].push_back(second); }, "mesh 0 primitive 1"},
+           {"no version", [](json& d) { d["asset"] = json::object(); }, "version"}}) {
+    GlbBuilder b = triangleGlb();
+    c.change(b.doc);
+    GlbBuilder other = b;
+    other.json_();
+    expectReplaced(c.what, "a.glb", other.glb(), c.message);
+  }
+}
+
 TEST_F(SceneReplaced, GltfMatrixOfRoundingErrorsIsRight) {
   GlbBuilder b = triangleGlb();
   b.doc["nodes"][0]["matrix"] = {1, 0, 0, 1e-17, 0, 1, 0, 0, 0, 0, 1, 0, 2, 0, 0, 1};
