@@ -121,6 +121,28 @@ class StreamBake(unittest.TestCase):
             self.assertIn("m.ply", self.bake("c.trex", "--stream", model=self.path("m.ply"), code=3))
         self.assertEqual(self.left_over(), [])
 
+    def test_what_does_not_fit_streams_by_itself(self):
+        """A file of 50 MB, of which most is not shown: six times that does not fit in 270 MB."""
+        side, unseen = 250, 100
+        n = side + 1
+        skipped = "".join(f"property double unseen{k}\n" for k in range(unseen))
+        with open(self.path("m.ply"), "wb") as f:
+            f.write((f"ply\nformat binary_little_endian 1.0\nelement vertex {n * n}\nproperty float x\nproperty float y\n"
+                     f"property float z\n{skipped}element face {2 * side * side}\n"
+                     "property list uchar int vertex_indices\nend_header\n").encode())
+            for i in range(n * n):
+                f.write(struct.pack("<3f", i % n, 0, i // n) + bytes(8 * unseen))
+            for a in (i * n + j for i in range(side) for j in range(side)):
+                f.write(struct.pack("<B3iB3i", 3, a, a + 1, a + n, 3, a + 1, a + n + 1, a + n))
+        bake = self.bake("a.trex", "--no-voxels", "--max-memory", "270M", model=self.path("m.ply"))
+        self.assertTrue(bake["streamed"])
+        self.assertEqual(bake["triangles"], 2 * side * side)
+        self.assertLess(bake["peak_resident_bytes"], 270 << 20)
+        self.assertNotIn("streamed", self.bake("b.trex", "--no-voxels", "--max-memory", "2G", model=self.path("m.ply")))
+        p = run("render", self.path("m.ply"), "-o", self.path("x.png"), "--max-memory", "20M", "--size", "8x8")
+        self.assertEqual(p.returncode, 4, p.stderr)
+        self.assertIn("--stream", p.stderr)
+
     def test_equal_bytes_for_any_number_of_threads(self):
         self.bake("a.trex", "--stream", "--depth", "6", "--threads", "1")
         self.bake("b.trex", "--stream", "--depth", "6", "--threads", "3")
