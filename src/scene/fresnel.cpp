@@ -126,6 +126,7 @@ vec3 ComplexIor::meanReflectance() const {
 
 void setMetal(const ComplexIor& index, Material& material) {
   material.metallic = 1.0f;
+  material.baseColor = vec4(vec3(1.0f), material.baseColor.a);
   if (index.eta == vec3(0.0f)) return;  // a perfect mirror
   material.finish.metalEta = glm::clamp(index.eta, 0.0f, Finish::kMostMetalIndex);
   material.finish.metalK = glm::clamp(index.k, 0.0f, Finish::kMostMetalIndex);

@@ -28,8 +28,8 @@ struct ComplexIor {
   vec3 meanReflectance() const;
 };
 
-/// Makes the material a metal of this index, which is clamped to what Finish holds; its base colour
-/// multiplies the reflectance.
+/// Makes the material a metal of this index, which is clamped to what Finish holds, and of a white
+/// base colour, which multiplies the reflectance.
 void setMetal(const ComplexIor& index, Material& material);
 /// The material with the metal's mean reflectance in its base colour, at all angles.
 Material withMeanMetal(Material material);

@@ -50,10 +50,9 @@ class GltfRepair {
       : context_(context), document_(document), problemOf_(problemOf) {}
 
   void run() {
-    Json& asset = document_["asset"];
-    if (!asset.is_object() || !asset.contains("version") || !asset["version"].is_string()) {
+    if (Json& asset = document_["asset"]; !asset.contains("version")) {
       context_.replace("its asset tells no version; 2.0 is taken");
-      asset = {{"version", "2.0"}};
+      asset["version"] = "2.0";
     }
     for (const GltfList& list : kLists) {
       if (sizeOf(document_, list.key) > 0) repairList(list);
@@ -125,7 +124,9 @@ class GltfRepair {
 std::string repairedGltf(GltfContext& context, const std::string& json, const TryGltf& problemOf) {
   if (json.size() > kMostRepaired) return {};
   Json document = Json::parse(json, nullptr, false);
-  if (!document.is_object()) return {};
+  if (!document.is_object() || !document.contains("asset") || !document["asset"].is_object()) {
+    return {};  // some other JSON
+  }
   GltfRepair(context, document, problemOf).run();
   return dumped(document);
 }

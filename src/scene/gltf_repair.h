@@ -12,7 +12,7 @@ namespace trex::detail {
 using TryGltf = std::function<std::string(const std::string& json)>;
 
 /// The JSON of a file that was refused, with empty parts instead of those that are refused alone,
-/// each told to the context. Empty if it is no JSON object, or one of more than 64 MiB.
+/// each told to the context. Empty if it has no asset, or more than 64 MiB.
 std::string repairedGltf(GltfContext& context, const std::string& json, const TryGltf& problemOf);
 
 }  // namespace trex::detail
