@@ -6,7 +6,7 @@ itself, as make_refs.py does for the others.
 
 NAME is one of mitsuba/, or of the folders in TREX_SHARED/scenes/mitsuba: refs/mitsuba-NAME.exr.
 """
-import os, sys
+import os, re, sys
 
 import mitsuba as mi
 import numpy as np
@@ -24,7 +24,9 @@ def cut_mantissa(values):
 
 def render(path):
     """Mean and variance of the mean of independent pictures, box filter, paths of any length."""
-    scene = mi.load_file(path, **({"integrator": "path"} if path.endswith("scene.xml") else {}))
+    with open(path) as f:
+        named = re.search(r'<integrator type="\$(\w+)"', f.read())
+    scene = mi.load_file(path, **({named[1]: "path"} if named else {}))
     film = {"type": "hdrfilm", "width": SIDE, "height": SIDE, "pixel_format": "rgb",
             "component_format": "float32", "rfilter": {"type": "box"}}
     seen = scene.sensors()[0]
