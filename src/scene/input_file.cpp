@@ -87,6 +87,9 @@ bool InputFile::readLine(std::string_view& line) {
         whole ? static_cast<std::size_t>(static_cast<const std::uint8_t*>(found) - start) : have;
     ++line_;
     if (length > kMaxLine) fail(ExitCode::kInput, "{}:{}: line too long", name_, line_);
+    // Where "\r" ends lines, names and messages are of one line too.
+    std::uint8_t* text = buffer_.data() + at_;
+    if (lineEnd_ == '\r') std::replace(text, text + length, '\n', ' ');
     at_ += length + (whole ? 1 : 0);
     if (length > 0 && start[length - 1] == '\r') --length;
     line = {reinterpret_cast<const char*>(start), length};

@@ -25,9 +25,9 @@ class InputFile {
   std::uint64_t remaining() const { return fileLeft_ + (filled_ - at_); }
   std::uint64_t lineNumber() const { return line_; }  ///< of the line last read, from 1
 
-  /// Next line without its end ("\n" or "\r\n"; "\r" if the first line ends so), valid until the
-  /// next read; false at the end. A byte order mark in front of the first line is skipped; one of
-  /// UTF-16 is an Error(kInput).
+  /// Next line without its end ("\n" or "\r\n"; "\r" if the first line ends so, and then "\n"
+  /// becomes a blank), valid until the next read; false at the end. A byte order mark in front of
+  /// the first line is skipped; one of UTF-16 is an Error(kInput).
   bool readLine(std::string_view& line);
 
   /// The next byte, or -1 at the end; peek() leaves it there. Lines are not counted.

@@ -91,5 +91,21 @@ TEST_F(FuzzRegressions, IndicesInExtensionsAreChecked) {
   }
 }
 
+// Where "\r" ends lines, "\n" stayed in names and messages.
+TEST_F(FuzzRegressions, MessagesAreOfOneLine) {
+  const auto one = [&](const std::string& name, const std::string& bytes) {
+    try {
+      for (const std::string& text : import(name, bytes).replaced.texts) {
+        EXPECT_EQ(text.find('\n'), std::string::npos) << text;
+      }
+    } catch (const Error& error) {
+      EXPECT_EQ(std::string(error.what()).find('\n'), std::string::npos) << error.what();
+    }
+  };
+  one("a.ply", "ply\rN\nD binary\nttle_end");
+  one("a.obj", "mtllib none\rv 0 0\n0\nv 1 0 0\rv 1 1 0\rusemtl a\nb\rf 1 2 3\r");
+  one("b.obj", "mtllib a\nb\rusemtl c\nd\rv 0 0\r");
+}
+
 }  // namespace
 }  // namespace trex::test
