@@ -52,6 +52,12 @@ dmat4 matrixOf(Context& context, const Element& e) {
   } else {
     context.replace(e, "a matrix has 9 or 16 numbers; it is left out");
   }
+  if (n.size() != 16) return m;
+  if (n[12] != 0.0 || n[13] != 0.0 || n[14] != 0.0 || n[15] == 0.0) {
+    context.replace(e, "a matrix that is not affine is left out");
+    return dmat4(1.0);
+  }
+  m /= n[15];
   return m;
 }
 

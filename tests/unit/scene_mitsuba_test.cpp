@@ -74,6 +74,24 @@ TEST_F(Mitsuba, TransformsAreAppliedInTheirOrder) {
   expectNear(vec3(place(s, {1, 0, 0})), {-1, 0, 5});
 }
 
+TEST_F(Mitsuba, MatricesAreAffine) {
+  const auto placed = [&](const char* lastRow) {
+    return read(
+        std::string("<shape type=\"rectangle\"><transform name=\"to_world\"><matrix value=\""
+                    "1 0 0 6 0 2 0 0 0 0 1 0 ") +
+        lastRow + "\"/></transform></shape>");
+  };
+  const Scene halved = placed("0 0 0 2");
+  EXPECT_NEAR(halved.bounds().upper.x, 3.5, 1e-9);
+  EXPECT_NEAR(halved.bounds().upper.y, 1.0, 1e-9);
+  EXPECT_EQ(halved.replaced.count, 0u);
+  for (const char* bad : {"0 0 0 0", "0 0.5 0 1"}) {
+    const Scene s = placed(bad);
+    EXPECT_TRUE(says(s.replaced.texts, "not affine")) << bad;
+    EXPECT_NEAR(s.bounds().upper.x, 1.0, 1e-9) << bad;
+  }
+}
+
 TEST_F(Mitsuba, ShapesHaveTheirSizes) {
   const auto boundsOf = [&](const std::string& shape) { return read(shape).bounds(); };
   Box3d b = boundsOf(
