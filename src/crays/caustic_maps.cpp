@@ -10,7 +10,8 @@ namespace {
 // Photons of a map: a quarter of the pixels. Of all maps that are kept.
 constexpr std::uint64_t kFewestCaustics = 1u << 11, kMostCaustics = 1u << 15;
 constexpr std::uint64_t kKept = 1u << 19;
-constexpr double kShrink = 2.0 / 3.0;  // alpha of [Knaus and Zwicker 2011]
+constexpr std::uint32_t kSparse = 1u << 31, kSparser = 4;  // maps of later vertices
+constexpr double kShrink = 2.0 / 3.0;                      // alpha of [Knaus and Zwicker 2011]
 constexpr std::uint32_t kOfWidths = 0xffffffffu, kWidthPhotons = 1u << 14;  // no map's
 constexpr double kInWidth = 6.0, kLeastInWidth = 6.0;  // photons of the first map
 
@@ -36,17 +37,19 @@ void CausticMaps::start() {
                                                   std::max(kInWidth * share, kLeastInWidth));
 }
 
-std::unique_ptr<const CausticMap> CausticMaps::make(std::uint32_t sample) {
-  const std::uint32_t count = photonsOfMap();
-  auto photons = lights_->shoot(sample, count);
-  for (CausticPhoton& p : photons) p.power /= static_cast<float>(count);
-  shot_ += count;
+SampleCaustics CausticMaps::make(std::uint32_t sample) {
   // r_{s+1}^2 = r_s^2 (s + alpha) / (s + 1), in closed form.
   const double s = sample + 1.0;
   const double square =
       std::exp(std::lgamma(s + kShrink) - std::lgamma(1.0 + kShrink) - std::lgamma(s + 1.0));
-  return std::make_unique<const CausticMap>(photons, *widths_,
-                                            static_cast<float>(std::sqrt(square)));
+  const auto map = [&](std::uint32_t number, std::uint32_t count) {
+    auto photons = lights_->shoot(number, count);
+    for (CausticPhoton& p : photons) p.power /= static_cast<float>(count);
+    shot_ += count;
+    return std::make_unique<const CausticMap>(photons, *widths_,
+                                              static_cast<float>(std::sqrt(square)));
+  };
+  return {sample, map(sample, photonsOfMap()), map(sample | kSparse, photonsOfMap() / kSparser)};
 }
 
 void CausticMaps::prepare(std::span<const std::uint32_t> samples) {
@@ -57,20 +60,20 @@ void CausticMaps::prepare(std::span<const std::uint32_t> samples) {
     if (!lights_) start();
     if (!lights_->any()) return;
     if (maps_.size() >= most) {
-      const auto isWanted = [&](const Kept& kept) {
+      const auto isWanted = [&](const SampleCaustics& kept) {
         return std::find(samples.begin(), samples.end(), kept.sample) != samples.end();
       };
       maps_.erase(std::find_if_not(maps_.begin(), maps_.end(), isWanted));
     }
-    maps_.push_back({sample, make(sample)});
+    maps_.push_back(make(sample));
     seconds_ += secondsNow() - mark;
   }
 }
 
-const CausticMap* CausticMaps::find(std::uint32_t sample) const {
+const SampleCaustics* CausticMaps::find(std::uint32_t sample) const {
   const auto at = std::find_if(maps_.begin(), maps_.end(),
-                               [&](const Kept& kept) { return kept.sample == sample; });
-  return at == maps_.end() ? nullptr : at->photons.get();
+                               [&](const SampleCaustics& kept) { return kept.sample == sample; });
+  return at == maps_.end() ? nullptr : &*at;
 }
 
 }  // namespace trex

@@ -130,7 +130,15 @@ class CausticLights {
   bool any_ = false;
 };
 
-/// The maps of a picture: sample number s of every pixel reads map s, which depends on the scene,
+/// The maps of a sample. Light at later vertices is spread over the picture by chance anyway, so
+/// that a quarter of the photons does.
+struct SampleCaustics {
+  std::uint32_t sample;
+  std::unique_ptr<const CausticMap> seen;   ///< for the first vertex that scatters
+  std::unique_ptr<const CausticMap> later;  ///< for those after it
+};
+
+/// The maps of a picture: sample number s of every pixel reads maps s, which depend on the scene,
 /// the seed, the number of pixels and s alone. All maps have as many photons, so that the cost of a
 /// sample does not grow.
 class CausticMaps {
@@ -143,20 +151,16 @@ class CausticMaps {
 
   /// Makes the maps of these samples and forgets old ones. Not while find() is called.
   void prepare(std::span<const std::uint32_t> samples);
-  /// The map of a prepared sample; null if there is no caustic.
-  const CausticMap* find(std::uint32_t sample) const;
+  /// Those of a prepared sample; null if there is no caustic.
+  const SampleCaustics* find(std::uint32_t sample) const;
 
   std::uint64_t photons() const { return shot_; }
   double seconds() const { return seconds_; }
 
  private:
-  struct Kept {
-    std::uint32_t sample;
-    std::unique_ptr<const CausticMap> photons;
-  };
   std::uint32_t photonsOfMap() const;
   void start();
-  std::unique_ptr<const CausticMap> make(std::uint32_t sample);
+  SampleCaustics make(std::uint32_t sample);
 
   const Scene& scene_;
   const RayScene& rays_;
@@ -164,7 +168,7 @@ class CausticMaps {
   std::uint32_t seed_;
   std::unique_ptr<const CausticLights> lights_;  ///< null until the first map
   std::unique_ptr<const CausticWidths> widths_;
-  std::vector<Kept> maps_;  ///< the latest last
+  std::vector<SampleCaustics> maps_;  ///< the latest last
   std::uint64_t shot_ = 0;
   double seconds_ = 0.0;
 };

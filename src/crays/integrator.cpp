@@ -59,7 +59,7 @@ struct Integrator::Path {
   PathSample result{};
   std::uint32_t pixelTag;
   bool paired, coupled;
-  const CausticMap* caustics;  // of this sample; may be null
+  const SampleCaustics* caustics;  // may be null
   LightPoint points[2] = {vec3(0.0f), vec3(0.0f)};
   /// The last that scattered, reflected or bent the path.
   LightPoint* vertex = points;
@@ -261,7 +261,8 @@ bool Integrator::meet(Path& path) const {
   path.other().moveTo(surface.position, bsdf.transmits() ? vec3(0.0f) : bsdf.normal());
   if (!bsdf.onlyDelta() && !lights_.empty()) sampleLight(path, surface, bsdf, coneVertex);
   if (!bsdf.onlyDelta() && path.caustics != nullptr) {
-    const vec3 light = path.caustics->radiance(surface, bsdf, !path.spread);
+    const CausticMap& map = path.scattered == 0 ? *path.caustics->seen : *path.caustics->later;
+    const vec3 light = map.radiance(surface, bsdf, !path.spread);
     path.add(path.throughput * light, path.scattered == 0);
   }
   return scatter(path, surface, bsdf, coneVertex);
