@@ -40,8 +40,11 @@ Source makeSource(const Part& part) {
   s.part = part;
   const std::size_t n = part.positions.size();
   const auto fits = [n](std::size_t size) { return size == 0 || size == n; };
-  if (!fits(part.normals.size()) || !fits(part.texCoords.size()) || !fits(part.colors.size()))
+  if (!fits(part.normals.size()) || !fits(part.texCoords.size()) || !fits(part.colors.size()) ||
+      !fits(part.secondTexCoords.size()))
     refuse("an attribute array is not as long as positions");
+  if (part.texCoords.empty() && !part.secondTexCoords.empty())
+    refuse("there are second texture coordinates, but no first ones");
   if (part.triangles.size() > std::numeric_limits<std::uint32_t>::max())
     refuse("a part has 2^32 triangles or more");
   const glm::dmat3 linear(part.transform);
@@ -53,9 +56,11 @@ Source makeSource(const Part& part) {
   const glm::dvec3 x = glm::cross(linear[1], linear[2]), y = glm::cross(linear[2], linear[0]),
                    z = glm::cross(linear[0], linear[1]);
   s.normalMatrix = glm::dmat3(x, y, z) * (s.mirrored ? -1.0 : 1.0);
-  s.flags = static_cast<std::uint8_t>((part.normals.empty() ? 0 : layout::kNormals) |
-                                      (part.texCoords.empty() ? 0 : layout::kTexCoords) |
-                                      (part.colors.empty() ? 0 : layout::kColors));
+  s.flags =
+      static_cast<std::uint8_t>((part.normals.empty() ? 0 : layout::kNormals) |
+                                (part.texCoords.empty() ? 0 : layout::kTexCoords) |
+                                (part.colors.empty() ? 0 : layout::kColors) |
+                                (part.secondTexCoords.empty() ? 0 : layout::kSecondTexCoords));
   return s;
 }
 

@@ -29,11 +29,13 @@ VertexKey makeVertex(const Source& s, const Grid& grid, std::uint32_t vertex,
   VertexKey key;
   key.grid = s.gridPosition(vertex, grid);
   if (s.flags & layout::kNormals) key.normal = encodeNormal(s, vertex, corners);
-  if (s.flags & layout::kTexCoords) {
-    const glm::vec2 uv = s.part.texCoords[vertex];
-    key.texCoord = {finiteOrZero(uv.x), finiteOrZero(uv.y)};
-  }
+  const auto finite = [](const glm::vec2& uv) {
+    return glm::vec2(finiteOrZero(uv.x), finiteOrZero(uv.y));
+  };
+  if (s.flags & layout::kTexCoords) key.texCoord = finite(s.part.texCoords[vertex]);
   if (s.flags & layout::kColors) key.color = s.part.colors[vertex];
+  if (s.flags & layout::kSecondTexCoords)
+    key.secondTexCoord = finite(s.part.secondTexCoords[vertex]);
   return key;
 }
 
@@ -45,7 +47,7 @@ class Welder {
     vertices_.clear();
   }
   std::uint16_t add(const VertexKey& key) {
-    std::uint32_t words[7];
+    std::uint32_t words[sizeof(VertexKey) / 4];
     std::memcpy(words, static_cast<const void*>(&key), sizeof(key));
     std::uint64_t hash = 0;
     for (std::uint32_t w : words) hash = (hash ^ w) * 0x9e3779b97f4a7c15ull, hash ^= hash >> 29;
@@ -80,12 +82,12 @@ struct TexCoordRange {
   bool asFloats = false;
 };
 
-TexCoordRange texCoordRange(const std::vector<VertexKey>& vertices) {
+TexCoordRange texCoordRange(const std::vector<VertexKey>& vertices, glm::vec2 VertexKey::*set) {
   TexCoordRange r;
-  glm::vec2 least = vertices[0].texCoord, most = least;
+  glm::vec2 least = vertices[0].*set, most = least;
   for (const VertexKey& v : vertices) {
-    least = glm::min(least, v.texCoord);
-    most = glm::max(most, v.texCoord);
+    least = glm::min(least, v.*set);
+    most = glm::max(most, v.*set);
   }
   const glm::vec2 extent = most - least;
   r.asFloats = !(extent.x <= 2.0f && extent.y <= 2.0f);
@@ -183,8 +185,12 @@ class BlobWriter {
     h.leafCount = static_cast<std::uint8_t>(in_.leaves.size());
     h.flags = in_.source->flags;
     if (h.flags & layout::kTexCoords) {
-      range_ = texCoordRange(in_.vertices);
+      range_ = texCoordRange(in_.vertices, &VertexKey::texCoord);
       if (range_.asFloats) h.flags |= layout::kFloatTexCoords;
+    }
+    if (h.flags & layout::kSecondTexCoords) {
+      secondRange_ = texCoordRange(in_.vertices, &VertexKey::secondTexCoord);
+      if (secondRange_.asFloats) h.flags |= layout::kFloatSecondTexCoords;
     }
     for (int k = 0; k < 3; ++k) {
       const auto extent = static_cast<std::uint32_t>(upper[k] - lower[k]);
@@ -249,23 +255,28 @@ class BlobWriter {
 
   void writeAttributes() {
     std::byte* normal = blob_ + offsets_.normals;
-    std::byte* uv = blob_ + offsets_.texCoords;
     std::byte* color = blob_ + offsets_.colors;
-    const bool floats = range_.asFloats, texCoords = (header_.flags & layout::kTexCoords) != 0;
-    if (texCoords && !floats) uv = put(put(uv, range_.least), range_.scale);
     for (const VertexKey& v : in_.vertices) {
       if (header_.flags & layout::kNormals) normal = put(normal, v.normal);
-      if (texCoords && floats) uv = put(uv, v.texCoord);
-      if (texCoords && !floats) uv = put(uv, quantised(v.texCoord));
       if (header_.flags & layout::kColors) color = put(color, v.color);
     }
+    if (header_.flags & layout::kTexCoords)
+      writeTexCoords(range_, &VertexKey::texCoord, blob_ + offsets_.texCoords);
+    if (header_.flags & layout::kSecondTexCoords)
+      writeTexCoords(secondRange_, &VertexKey::secondTexCoord, blob_ + offsets_.secondTexCoords);
   }
 
-  glm::u16vec2 quantised(const glm::vec2& uv) const {
+  void writeTexCoords(const TexCoordRange& range, glm::vec2 VertexKey::*set, std::byte* uv) const {
+    if (!range.asFloats) uv = put(put(uv, range.least), range.scale);
+    for (const VertexKey& v : in_.vertices)
+      uv = range.asFloats ? put(uv, v.*set) : put(uv, quantised(v.*set, range));
+  }
+
+  static glm::u16vec2 quantised(const glm::vec2& uv, const TexCoordRange& range) {
     glm::u16vec2 q(0);
     for (int k = 0; k < 2; ++k)
-      if (range_.scale[k] > 0.0f) {
-        const double steps = (double(uv[k]) - range_.least[k]) / range_.scale[k];
+      if (range.scale[k] > 0.0f) {
+        const double steps = (double(uv[k]) - range.least[k]) / range.scale[k];
         q[k] = static_cast<std::uint16_t>(std::min(65535.0, std::floor(steps + 0.5)));
       }
     return q;
@@ -274,7 +285,7 @@ class BlobWriter {
   const ClusterInput& in_;
   layout::ClusterHeader header_;
   layout::Offsets offsets_;
-  TexCoordRange range_;
+  TexCoordRange range_, secondRange_;
   std::vector<std::byte> records_;
   std::vector<std::uint32_t> recordStarts_;
   std::uint32_t recordBytes_ = 0;

@@ -26,7 +26,7 @@ struct Source {
   Part part;
   glm::dmat3 normalMatrix{1.0};  ///< inverse transpose
   bool mirrored = false;         ///< triangles are turned around
-  std::uint8_t flags = 0;        ///< layout::Flags of its attributes, kFloatTexCoords excepted
+  std::uint8_t flags = 0;        ///< layout::Flags of its attributes, but those of floats
 
   glm::dvec3 transformed(std::uint32_t vertex) const {
     const glm::dvec3 p(part.positions[vertex]);
@@ -52,8 +52,9 @@ struct VertexKey {
   std::uint32_t normal = 0;
   glm::vec2 texCoord{0.0f};
   glm::u8vec4 color{0};
+  glm::vec2 secondTexCoord{0.0f};
 };
-static_assert(sizeof(VertexKey) == 28);
+static_assert(sizeof(VertexKey) == 36);
 
 /// A cluster before it is bytes.
 struct ClusterInput {

@@ -78,7 +78,9 @@ struct Part {
   std::span<const glm::vec3> normals;    ///< empty or one a position
   std::span<const glm::vec2> texCoords;  ///< empty or one a position
   std::span<const glm::u8vec4> colors;   ///< empty or one a position
-  glm::dmat4 transform{1.0};             ///< to the space that gridOrigin is given in; affine
+  /// Empty or one a position; only with texCoords.
+  std::span<const glm::vec2> secondTexCoords;
+  glm::dmat4 transform{1.0};  ///< to the space that gridOrigin is given in; affine
   std::uint32_t material = 0, object = 0;
 };
 
@@ -91,7 +93,7 @@ struct BuildOptions {
   std::optional<int> stepExponent;  ///< step 2^n instead of one by precisionBits
 };
 
-/// Bytes by part, for `trex info` and the memory bar.
+/// Bytes by part, for `trex info` and the memory bar; texCoords: of both sets.
 struct Sizes {
   std::uint64_t header = 0, clusterTable = 0, clusterHeaders = 0, vertices = 0, topology = 0,
                 nodes = 0, normals = 0, texCoords = 0, colors = 0, padding = 0;
@@ -132,9 +134,9 @@ struct Ray {
 struct Triangle {
   glm::vec3 position[3];  ///< exact: step * grid
   glm::vec3 normal[3];
-  glm::vec2 texCoord[3];
+  glm::vec2 texCoord[3], secondTexCoord[3];
   glm::vec4 color[3];
-  bool hasNormals, hasTexCoords, hasColors;
+  bool hasNormals, hasTexCoords, hasSecondTexCoords, hasColors;
   std::uint32_t material, object;
 };
 

@@ -23,7 +23,15 @@ inline constexpr std::int32_t kMaxGrid = 1 << 23;
 inline constexpr std::uint32_t kMaxWidth = 25;  ///< bits of an offset: 2^24 from end to end
 inline constexpr int kMinStepExponent = -110, kMaxStepExponent = 80;
 
-enum Flags : std::uint8_t { kNormals = 1, kTexCoords = 2, kFloatTexCoords = 4, kColors = 8 };
+enum Flags : std::uint8_t {
+  kNormals = 1,
+  kTexCoords = 2,
+  kFloatTexCoords = 4,  ///< only with kTexCoords
+  kColors = 8,
+  kSecondTexCoords = 16,       ///< only with kTexCoords
+  kFloatSecondTexCoords = 32,  ///< only with kSecondTexCoords
+  kAllFlags = 63
+};
 
 struct Header {
   char magic[4];
@@ -75,8 +83,13 @@ inline std::uint32_t recordsOf(const ClusterHeader& h) {
 /// Byte offsets of a blob's parts, each where the one before ends (records: up to vertices).
 struct Offsets {
   std::uint32_t boxes, groupStarts, leafStarts, records, vertices, normals, texCoords, colors,
-      colorsEnd, end;
+      secondTexCoords, attributesEnd, end;
 };
+
+/// Of one set of texture coordinates.
+inline std::uint32_t texCoordBytes(const ClusterHeader& h, bool floats) {
+  return floats ? 8u * h.vertices() : 16u + 4u * h.vertices();
+}
 
 inline Offsets offsetsOf(const ClusterHeader& h) {
   Offsets o;
@@ -91,10 +104,12 @@ inline Offsets offsetsOf(const ClusterHeader& h) {
   if (attributes) o.normals = (o.normals + 3u) & ~3u;
   o.texCoords = o.normals + ((h.flags & kNormals) ? 4u * h.vertices() : 0u);
   o.colors = o.texCoords;
-  if (h.flags & kTexCoords)
-    o.colors += (h.flags & kFloatTexCoords) ? 8u * h.vertices() : 16u + 4u * h.vertices();
-  o.colorsEnd = o.colors + ((h.flags & kColors) ? 4u * h.vertices() : 0u);
-  o.end = (o.colorsEnd + kBlobUnit - 1u) & ~(kBlobUnit - 1u);
+  if (h.flags & kTexCoords) o.colors += texCoordBytes(h, (h.flags & kFloatTexCoords) != 0);
+  o.secondTexCoords = o.colors + ((h.flags & kColors) ? 4u * h.vertices() : 0u);
+  o.attributesEnd = o.secondTexCoords;
+  if (h.flags & kSecondTexCoords)
+    o.attributesEnd += texCoordBytes(h, (h.flags & kFloatSecondTexCoords) != 0);
+  o.end = (o.attributesEnd + kBlobUnit - 1u) & ~(kBlobUnit - 1u);
   return o;
 }
 

@@ -40,8 +40,8 @@ T readAs(const std::byte* at) {
   return value;
 }
 
-glm::vec2 readTexCoord(const std::byte* at, std::uint8_t flags, std::uint32_t vertex) {
-  if (flags & layout::kFloatTexCoords) return readAs<glm::vec2>(at + 8u * vertex);
+glm::vec2 readTexCoord(const std::byte* at, bool floats, std::uint32_t vertex) {
+  if (floats) return readAs<glm::vec2>(at + 8u * vertex);
   const auto least = readAs<glm::vec2>(at), scale = readAs<glm::vec2>(at + 8);
   return least + scale * glm::vec2(readAs<glm::u16vec2>(at + 16u + 4u * vertex));
 }
@@ -118,9 +118,9 @@ Sizes Mesh::sizes() const {
     s.topology += o.vertices - o.groupStarts;
     s.vertices += o.normals - o.vertices;
     s.normals += o.texCoords - o.normals;
-    s.texCoords += o.colors - o.texCoords;
-    s.colors += o.colorsEnd - o.colors;
-    s.padding += o.end - o.colorsEnd;
+    s.texCoords += o.colors - o.texCoords + (o.attributesEnd - o.secondTexCoords);
+    s.colors += o.secondTexCoords - o.colors;
+    s.padding += o.end - o.attributesEnd;
   }
   return s;
 }
@@ -175,6 +175,7 @@ Triangle Mesh::triangle(std::uint32_t cluster, std::uint32_t index) const {
   out.object = h.object;
   out.hasNormals = (h.flags & layout::kNormals) != 0;
   out.hasTexCoords = (h.flags & layout::kTexCoords) != 0;
+  out.hasSecondTexCoords = (h.flags & layout::kSecondTexCoords) != 0;
   out.hasColors = (h.flags & layout::kColors) != 0;
   std::uint32_t corners[3];
   corners_(b + layout::recordOffset(b, h, index / layout::kLeafSize), index % layout::kLeafSize,
@@ -186,7 +187,12 @@ Triangle Mesh::triangle(std::uint32_t cluster, std::uint32_t index) const {
     for (int k = 0; k < 3; ++k) out.position[corner][k] = static_cast<float>(grid[k]) * step;
     if (out.hasNormals)
       out.normal[corner] = decodeOctahedral(readAs<std::uint32_t>(b + o.normals + 4u * vertex));
-    if (out.hasTexCoords) out.texCoord[corner] = readTexCoord(b + o.texCoords, h.flags, vertex);
+    if (out.hasTexCoords)
+      out.texCoord[corner] =
+          readTexCoord(b + o.texCoords, (h.flags & layout::kFloatTexCoords) != 0, vertex);
+    if (out.hasSecondTexCoords)
+      out.secondTexCoord[corner] = readTexCoord(
+          b + o.secondTexCoords, (h.flags & layout::kFloatSecondTexCoords) != 0, vertex);
     out.color[corner] = glm::vec4(1.0f);
     if (out.hasColors)
       out.color[corner] =

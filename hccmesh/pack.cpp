@@ -171,7 +171,7 @@ bool takeApart(std::span<const std::byte> blob, Streams& out) {
     });
   }
   append(out.headers, &h, sizeof(h));
-  append(out.attributes, blob.data() + o.normals, o.colorsEnd - o.normals);
+  append(out.attributes, blob.data() + o.normals, o.attributesEnd - o.normals);
   return true;
 }
 
@@ -217,10 +217,11 @@ class Assembler {
     std::memcpy(blob + o.records, records.data(), end);
     for (std::uint32_t i = 0; i < h.leafCount; ++i) writeLeaf(blob, h, o, i);
     writeVertices(blob + o.vertices, h);
-    if (o.colorsEnd - o.normals > in_.attributes.size() - attribute_) refuse("too few attributes");
+    if (o.attributesEnd - o.normals > in_.attributes.size() - attribute_)
+      refuse("too few attributes");
     std::copy_n(in_.attributes.begin() + static_cast<std::ptrdiff_t>(attribute_),
-                o.colorsEnd - o.normals, blob + o.normals);
-    attribute_ += o.colorsEnd - o.normals;
+                o.attributesEnd - o.normals, blob + o.normals);
+    attribute_ += o.attributesEnd - o.normals;
     validateCluster(std::span(page_.bytes).subspan(start, o.end), start);
   }
 

@@ -13,7 +13,8 @@
 // count.
 //
 // A spilled triangle takes 27 bytes (three corners of 3 x 24 bits on the mesh's grid), 12 more each
-// with normals and colours, 24 with texture coordinates, and 16 a run of one material and object.
+// with normals and colours, 24 with each set of texture coordinates, and 16 a run of one material
+// and object.
 //
 // Equal sources and options give equal pages for any number of threads (oneTBB).
 #pragma once
@@ -49,7 +50,8 @@ struct StreamBatch {
   std::span<const glm::vec3> normals;
   std::span<const glm::vec2> texCoords;
   std::span<const glm::u8vec4> colors;
-  std::span<const Run> runs;  ///< in order, all triangles in one
+  std::span<const glm::vec2> secondTexCoords;  ///< only with texCoords
+  std::span<const Run> runs;                   ///< in order, all triangles in one
 };
 
 /// Where triangles come from. Calls come from several threads at a time.

@@ -29,7 +29,7 @@ struct Soup {
   std::vector<GroupKey> kinds;      ///< material, object, flags
   // By 3 * triangle + corner; empty if no run has them.
   std::vector<std::uint32_t> normals;
-  std::vector<glm::vec2> texCoords;
+  std::vector<glm::vec2> texCoords, secondTexCoords;
   std::vector<glm::u8vec4> colors;
 
   void add(const RunHeader& h, std::span<const std::byte> run);
@@ -51,6 +51,7 @@ void Soup::add(const RunHeader& h, std::span<const std::byte> run) {
   grow(normals, layout::kNormals);
   grow(texCoords, layout::kTexCoords);
   grow(colors, layout::kColors);
+  grow(secondTexCoords, layout::kSecondTexCoords);
   const std::byte* at = run.data();
   const auto get = [&](auto& value) {
     std::memcpy(static_cast<void*>(&value), at, sizeof(value));
@@ -63,6 +64,7 @@ void Soup::add(const RunHeader& h, std::span<const std::byte> run) {
       if (h.flags & layout::kNormals) get(normals[3 * i + k]);
       if (h.flags & layout::kTexCoords) get(texCoords[3 * i + k]);
       if (h.flags & layout::kColors) get(colors[3 * i + k]);
+      if (h.flags & layout::kSecondTexCoords) get(secondTexCoords[3 * i + k]);
     }
   }
 }
@@ -96,6 +98,7 @@ class PageParts {
     if (!soup.normals.empty()) normals_.reserve(3 * n);
     if (!soup.texCoords.empty()) texCoords_.reserve(3 * n);
     if (!soup.colors.empty()) colors_.reserve(3 * n);
+    if (!soup.secondTexCoords.empty()) secondTexCoords_.reserve(3 * n);
     for (const Reference& r : order) {
       const Corners9& c = soup.corners[r.triangle];
       for (std::size_t k = 0; k < 3; ++k) {
@@ -104,6 +107,7 @@ class PageParts {
         if (!soup.normals.empty()) normals_.push_back(decodeOctahedral(soup.normals[corner]));
         if (!soup.texCoords.empty()) texCoords_.push_back(soup.texCoords[corner]);
         if (!soup.colors.empty()) colors_.push_back(soup.colors[corner]);
+        if (!soup.secondTexCoords.empty()) secondTexCoords_.push_back(soup.secondTexCoords[corner]);
       }
     }
     for (std::size_t i = 0; i < n;) {
@@ -127,13 +131,14 @@ class PageParts {
     if (flags & layout::kNormals) p.normals = take(normals_);
     if (flags & layout::kTexCoords) p.texCoords = take(texCoords_);
     if (flags & layout::kColors) p.colors = take(colors_);
+    if (flags & layout::kSecondTexCoords) p.secondTexCoords = take(secondTexCoords_);
     p.material = material;
     p.object = object;
     return p;
   }
 
   std::vector<glm::vec3> positions_, normals_;
-  std::vector<glm::vec2> texCoords_;
+  std::vector<glm::vec2> texCoords_, secondTexCoords_;
   std::vector<glm::u8vec4> colors_;
   std::vector<glm::uvec3> triangles_;
 };

@@ -48,7 +48,8 @@ void CellGrid::boundsOf(std::uint32_t cell, glm::ivec3& lower, glm::ivec3& upper
 
 std::size_t spilledBytes(std::uint32_t flags) {
   return 3 * (kCornerBytes + ((flags & layout::kNormals) ? 4u : 0u) +
-              ((flags & layout::kTexCoords) ? 8u : 0u) + ((flags & layout::kColors) ? 4u : 0u));
+              ((flags & layout::kTexCoords) ? 8u : 0u) + ((flags & layout::kColors) ? 4u : 0u) +
+              ((flags & layout::kSecondTexCoords) ? 8u : 0u));
 }
 
 CellWriter::CellWriter(StreamFile& file, std::uint64_t end, const CellGrid& grid,

@@ -105,6 +105,7 @@ class Quantiser {
     if (!b.normals.empty()) flags |= layout::kNormals;
     if (!b.texCoords.empty()) flags |= layout::kTexCoords;
     if (!b.colors.empty()) flags |= layout::kColors;
+    if (!b.secondTexCoords.empty()) flags |= layout::kSecondTexCoords;
     return flags;
   }
 
@@ -128,6 +129,7 @@ class Quantiser {
         if (flags & layout::kNormals) put(normalCode(b.normals[corner]));
         if (flags & layout::kTexCoords) put(b.texCoords[corner]);
         if (flags & layout::kColors) put(b.colors[corner]);
+        if (flags & layout::kSecondTexCoords) put(b.secondTexCoords[corner]);
       }
     }
   }

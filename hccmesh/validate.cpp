@@ -72,8 +72,11 @@ class ClusterCheck {
     check(o_.records < o_.vertices && o_.end == size, "cluster of wrong size", at);
     checkVertices();
     checkLeaves();
-    checkTexCoords();
-    check(allZero(b + o_.colorsEnd, b + o_.end), "padding not zero", at + o_.colorsEnd);
+    if (h_.flags & layout::kTexCoords)
+      checkTexCoords(o_.texCoords, (h_.flags & layout::kFloatTexCoords) != 0);
+    if (h_.flags & layout::kSecondTexCoords)
+      checkTexCoords(o_.secondTexCoords, (h_.flags & layout::kFloatSecondTexCoords) != 0);
+    check(allZero(b + o_.attributesEnd, b + o_.end), "padding not zero", at + o_.attributesEnd);
   }
   const Bounds& bounds() const { return bounds_; }
   std::uint32_t triangles() const { return h_.triangles(); }
@@ -84,8 +87,13 @@ class ClusterCheck {
     check(v >= 3 && v <= 3 * t, "wrong vertex count", at_ + 21);
     check(h_.leafCount >= 1 && h_.leafCount <= layout::kMaxLeaves && h_.leafCount <= t,
           "wrong leaf count", at_ + 22);
-    check((h_.flags & ~15u) == 0 &&
-              !((h_.flags & layout::kFloatTexCoords) && !(h_.flags & layout::kTexCoords)),
+    const auto with = [&](std::uint32_t flag, std::uint32_t needed) {
+      return !(h_.flags & flag) || (h_.flags & needed);
+    };
+    check((h_.flags & ~layout::kAllFlags) == 0 &&
+              with(layout::kFloatTexCoords, layout::kTexCoords) &&
+              with(layout::kSecondTexCoords, layout::kTexCoords) &&
+              with(layout::kFloatSecondTexCoords, layout::kSecondTexCoords),
           "unknown flags", at_ + 23);
     for (int k = 0; k < 3; ++k) {
       check(h_.width[k] <= layout::kMaxWidth, "wrong width", at_ + 24);
@@ -150,13 +158,12 @@ class ClusterCheck {
       }
   }
 
-  void checkTexCoords() const {
-    if (!(h_.flags & layout::kTexCoords)) return;
-    const std::uint32_t count = (h_.flags & layout::kFloatTexCoords) ? 2 * h_.vertices() : 4;
+  void checkTexCoords(std::uint32_t offset, bool floats) const {
+    const std::uint32_t count = floats ? 2 * h_.vertices() : 4;
     for (std::uint32_t i = 0; i < count; ++i) {
       float value;
-      std::memcpy(&value, b_ + o_.texCoords + 4u * i, 4);
-      check(std::isfinite(value), "texture coordinate not finite", at_ + o_.texCoords + 4u * i);
+      std::memcpy(&value, b_ + offset + 4u * i, 4);
+      check(std::isfinite(value), "texture coordinate not finite", at_ + offset + 4u * i);
     }
   }
 

@@ -20,7 +20,7 @@ Texture readTexture(const JsonObject& material, const char* key, std::size_t ima
   Texture t;
   if (!material.has(key)) return t;
   const JsonObject o = material.object(key);
-  o.allow({"image", "wrap_s", "wrap_t", "offset", "scale", "rotation", "nearest"});
+  o.allow({"image", "wrap_s", "wrap_t", "offset", "scale", "rotation", "nearest", "set"});
   t.image = static_cast<int>(o.index("image", images));
   t.wrapS = static_cast<Texture::Wrap>(o.oneOf("wrap_s", {"repeat", "mirror", "clamp"}));
   t.wrapT = static_cast<Texture::Wrap>(o.oneOf("wrap_t", {"repeat", "mirror", "clamp"}));
@@ -28,6 +28,7 @@ Texture readTexture(const JsonObject& material, const char* key, std::size_t ima
   o.reals("scale", &t.scale[0], 2);
   t.rotation = o.real("rotation");
   t.nearest = o.has("nearest") && o.boolean("nearest");
+  if (o.has("set")) t.set = static_cast<std::uint8_t>(o.integer("set", 0, 1));
   return t;
 }
 

@@ -39,6 +39,7 @@ void put(Json& out, const char* key, const Texture& t) {
               {"wrap_t", nameOf(t.wrapT)},  {"offset", jsonList(t.offset)},
               {"scale", jsonList(t.scale)}, {"rotation", t.rotation}};
   if (t.nearest) out[key]["nearest"] = true;
+  if (t.set != 0) out[key]["set"] = t.set;
 }
 
 Json toJson(const Material& m) {

@@ -34,7 +34,7 @@ struct Attribute {
 std::vector<Requirement> requirementsOf(const Scene& scene, bool voxels) {
   std::set<int> meshes;
   for (const Instance& i : scene.instances) meshes.insert(i.mesh);
-  Attribute normals, texCoords, colors;
+  Attribute normals, texCoords, secondTexCoords, colors;
   bool transparent = false, scatters = false;
   for (const int m : meshes) {
     const Mesh& mesh = scene.meshes[static_cast<std::size_t>(m)];
@@ -42,6 +42,7 @@ std::vector<Requirement> requirementsOf(const Scene& scene, bool voxels) {
     const std::uint64_t n = mesh.positions.size();
     normals.count(!mesh.normals.empty(), n);
     texCoords.count(!mesh.texCoords.empty() && readsTexCoords(material), n);
+    secondTexCoords.count(!mesh.secondTexCoords.empty() && readsSecondTexCoords(material), n);
     colors.count(!mesh.colors.empty(), n);
     transparent |= material.alphaMode != AlphaMode::kOpaque || material.transmission > 0.0f;
     scatters |= !material.unlit;
@@ -50,8 +51,13 @@ std::vector<Requirement> requirementsOf(const Scene& scene, bool voxels) {
   std::uint64_t mediaBytes = 0;
   for (const Medium& m : scene.media) mediaBytes += m.grid->bytes();
   const bool lit = hasLight(scene), photons = lit && scatters && voxels;
+  Requirement forTextures =
+      texCoords.describe("texture coordinates", "textures are read", "nothing is textured");
+  if (secondTexCoords.vertices > 0) {
+    forTextures.reason += fmt::format(", {} of them with a second set", secondTexCoords.vertices);
+  }
   return {normals.describe("normals", "smooth shading", "all faces are flat"),
-          texCoords.describe("texture coordinates", "textures are read", "nothing is textured"),
+          forTextures,
           colors.describe("vertex colours", "colours are given", "no mesh has any"),
           {"textures", !scene.images.empty(),
            scene.images.empty() ? "no material has any"

@@ -58,7 +58,7 @@ class Source : public hccm::StreamSource {
       runs.push_back({r.material, r.object, r.triangles});
     }
     use({batch.origin - renderOrigin_, batch.positions, batch.normals, batch.texCoords,
-         batch.colors, runs});
+         batch.colors, batch.secondTexCoords, runs});
   }
 
  private:

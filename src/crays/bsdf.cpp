@@ -23,7 +23,7 @@ vec3 mappedNormal(const Scene& scene, const Material& material, const Surface& s
     return surface.shadingNormal;
   }
   const vec3 texel =
-      vec3(readTexture(scene.images, material.normalTexture, surface.texCoord, false)) * 2.0f -
+      vec3(readTexture(scene.images, material.normalTexture, surface.texCoords, false)) * 2.0f -
       1.0f;
   const vec3 bent =
       material.normalScale * (texel.x * surface.tangent + texel.y * surface.bitangent) +
@@ -81,7 +81,7 @@ Bsdf::Bsdf(const Scene& scene, const Surface& surface, const vec3& outgoing) {
 
 void Bsdf::readMaterial(const Scene& scene, const Surface& surface, bool frontSide) {
   const Material& m = scene.materials[surface.material];
-  const vec2 uv = surface.texCoord;
+  const TexCoords& uv = surface.texCoords;
   const vec4 base =
       m.baseColor * surface.color * readTexture(scene.images, m.baseColorTexture, uv, true);
   const vec3 color = glm::clamp(vec3(base), 0.0f, 1.0f);

@@ -25,7 +25,7 @@ float alphaOf(float roughness) {
 
 void Bsdf::readFinish(const Scene& scene, const Surface& surface, const vec3& outgoing) {
   const Finish& f = scene.materials[surface.material].finish;
-  const vec2 uv = surface.texCoord;
+  const TexCoords& uv = surface.texCoords;
   if (f.anisotropy > 0.0f && surface.tangent != vec3(0.0f)) {
     const vec4 texel = readTexture(scene.images, f.anisotropyTexture, uv, false);
     const vec2 turned =

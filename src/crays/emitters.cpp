@@ -30,17 +30,17 @@ bool isPlain(const Material& m) {
   return !m.emissiveTexture.present() && m.alphaMode == AlphaMode::kOpaque;
 }
 
-vec3 sentOut(const Scene& scene, const Material& m, vec2 uv, float alpha) {
+vec3 sentOut(const Scene& scene, const Material& m, const TexCoords& uv, float alpha) {
   return emissionAt(m, scene.images, uv) * coverageAt(m, scene.images, uv, alpha);
 }
 
 /// The longest edge of a triangle in texels of a texture.
-float texelsAlong(const Scene& scene, const Texture& texture, const vec2 (&uv)[3]) {
+float texelsAlong(const Scene& scene, const Texture& texture, const Surface (&corner)[3]) {
   if (!texture.present()) return 0.0f;
   const Image& image = scene.images[static_cast<std::size_t>(texture.image)];
   const vec2 size(static_cast<float>(image.width), static_cast<float>(image.height));
   vec2 p[3];
-  for (int i = 0; i < 3; ++i) p[i] = transformUv(texture, uv[i]) * size;
+  for (int i = 0; i < 3; ++i) p[i] = transformUv(texture, corner[i].texCoords[texture.set]) * size;
   return std::max({glm::length(p[1] - p[0]), glm::length(p[2] - p[1]), glm::length(p[0] - p[2])});
 }
 
@@ -215,10 +215,9 @@ bool Emitters::measure(const RayHit& corner, const Budget& budget, Measured& out
 void Emitters::measurePicture(const Surface (&corner)[3], const Budget& budget,
                               Measured& out) const {
   const Material& m = scene_.materials[corner[0].material];
-  const vec2 uv[3] = {corner[0].texCoord, corner[1].texCoord, corner[2].texCoord};
-  float texels = texelsAlong(scene_, m.emissiveTexture, uv);
+  float texels = texelsAlong(scene_, m.emissiveTexture, corner);
   if (m.alphaMode != AlphaMode::kOpaque) {
-    texels = std::max(texels, texelsAlong(scene_, m.baseColorTexture, uv));
+    texels = std::max(texels, texelsAlong(scene_, m.baseColorTexture, corner));
   }
   const std::uint32_t wanted =
       std::max(static_cast<std::uint32_t>(std::min(2.0f * texels, 1e6f)) + 1, kLeastEdgeSamples);
@@ -234,9 +233,13 @@ void Emitters::measurePicture(const Surface (&corner)[3], const Budget& budget,
     for (std::uint32_t k = 0; k < inner * inner; ++k) {
       const glm::dvec2 at = inCell(edge, cell, inCell(inner, k, glm::dvec2(1.0 / 3.0)));
       const auto u = static_cast<float>(at.x), v = static_cast<float>(at.y), w = 1.0f - u - v;
-      const vec3 sent =
-          sentOut(scene_, m, w * uv[0] + u * uv[1] + v * uv[2],
-                  w * corner[0].color.w + u * corner[1].color.w + v * corner[2].color.w);
+      TexCoords uv;
+      for (std::size_t set = 0; set < uv.size(); ++set) {
+        uv[set] = w * corner[0].texCoords[set] + u * corner[1].texCoords[set] +
+                  v * corner[2].texCoords[set];
+      }
+      const vec3 sent = sentOut(
+          scene_, m, uv, w * corner[0].color.w + u * corner[1].color.w + v * corner[2].color.w);
       total += luminance(sent);
       peak = std::max(peak, luminance(sent));
       largest[cell] = std::max(largest[cell], maxComponent(sent));
@@ -327,7 +330,7 @@ Emitters::Place Emitters::sample(const Triangle& t, double u, float v) const {
   } else {
     const Surface surface =
         rays_.surface({weights.x, weights.y, 0.0f, t.instance, t.cluster, t.triangle});
-    out.radiance = sentOut(scene_, material, surface.texCoord, surface.color.w);
+    out.radiance = sentOut(scene_, material, surface.texCoords, surface.color.w);
   }
   return out;
 }

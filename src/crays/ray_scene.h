@@ -6,7 +6,8 @@
 // merged into one HCCMesh whose grid origin is renderOrigin; a mesh placed several times is an
 // HCCMesh of its own under Embree instances (unless all placements together are small, or one is
 // flat: these are merged too). Of meshes that are not merged, a mirrored placement keeps glTF's
-// front side. Texture coordinates are stored only where the material has a texture.
+// front side. Texture coordinates are stored only where the material has a texture, those of set 1
+// only where one reads them.
 //
 // One grid has 2^24 cells along the scene. What it is too coarse for (a cell is more than 2^-11 of
 // a mesh's size or 2^-5 of its thickness, or, in scenes of more than a kilometre, than 2^-14 m and
@@ -78,9 +79,9 @@ struct Surface {
   dvec3 position;
   vec3 geometricNormal;  ///< unit, of the front side (counter-clockwise)
   vec3 shadingNormal;    ///< unit, interpolated if stored, same hemisphere as geometricNormal
-  vec3 tangent;          ///< unit, along +u of the texture; zero where there is no texture map
+  vec3 tangent;          ///< unit, along +u of set 0; zero where there is no texture map
   vec3 bitangent;        ///< unit, along +v of glTF's normal maps (up in the texture)
-  vec2 texCoord;
+  TexCoords texCoords;
   vec4 color;  ///< vertex colour, one if none
   std::uint32_t material, object;
   std::uint32_t instance, cluster, triangle;  ///< as in a RayHit

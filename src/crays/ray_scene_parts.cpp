@@ -30,8 +30,9 @@ hccm::Part partOf(const Scene& scene, const Mesh& mesh) {
   part.triangles = mesh.triangles;
   part.normals = mesh.normals;
   part.colors = mesh.colors;
-  if (readsTexCoords(scene.materials[static_cast<std::size_t>(mesh.material)]))
-    part.texCoords = mesh.texCoords;
+  const Material& material = scene.materials[static_cast<std::size_t>(mesh.material)];
+  if (readsTexCoords(material)) part.texCoords = mesh.texCoords;
+  if (readsSecondTexCoords(material)) part.secondTexCoords = mesh.secondTexCoords;
   part.material = static_cast<std::uint32_t>(mesh.material);
   return part;
 }

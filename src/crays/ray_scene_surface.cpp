@@ -145,8 +145,11 @@ Surface makeSurface(const hccm::Triangle& triangle, const Placement& placement, 
   s.shadingNormal = vec3(shading);
 
   const vec3 weights(w, u, v);
-  s.texCoord = weights.x * triangle.texCoord[0] + weights.y * triangle.texCoord[1] +
-               weights.z * triangle.texCoord[2];
+  const auto mix = [&](const vec2(&uv)[3]) {
+    return weights.x * uv[0] + weights.y * uv[1] + weights.z * uv[2];
+  };
+  s.texCoords[0] = mix(triangle.texCoord);
+  if (triangle.hasSecondTexCoords) s.texCoords[1] = mix(triangle.secondTexCoord);
   if (triangle.hasTexCoords) tangents(e1, e2, triangle, shading, s);
   s.color = vec4(1.0f);
   if (triangle.hasColors) {

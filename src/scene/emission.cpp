@@ -5,17 +5,9 @@
 #include "src/scene/texture.h"
 
 namespace trex {
-namespace {
 
-vec4 read(const std::vector<Image>& images, const Texture& texture, vec2 uv) {
-  if (!texture.present()) return vec4(1.0f);
-  return sampleTexture(images[static_cast<std::size_t>(texture.image)], texture, uv, true);
-}
-
-}  // namespace
-
-vec3 emissionAt(const Material& material, const std::vector<Image>& images, vec2 uv) {
-  return material.emission * vec3(read(images, material.emissiveTexture, uv));
+vec3 emissionAt(const Material& material, const std::vector<Image>& images, const TexCoords& uv) {
+  return material.emission * vec3(readTexture(images, material.emissiveTexture, uv, true));
 }
 
 float coverageOf(const Material& material, float alpha) {
@@ -30,10 +22,10 @@ float coverageOf(const Material& material, float alpha) {
   return 1.0f;
 }
 
-float coverageAt(const Material& material, const std::vector<Image>& images, vec2 uv,
+float coverageAt(const Material& material, const std::vector<Image>& images, const TexCoords& uv,
                  float vertexAlpha) {
   if (material.alphaMode == AlphaMode::kOpaque) return 1.0f;
-  const float texture = read(images, material.baseColorTexture, uv).w;
+  const float texture = readTexture(images, material.baseColorTexture, uv, true).w;
   return coverageOf(material, material.baseColor.w * vertexAlpha * texture);
 }
 

@@ -132,19 +132,25 @@ class GltfMaterials {
   /// The texture coordinate set of each of Material::textures(); -1 if it has none.
   using Sets = std::array<int, Material::kTextures>;
   const Sets& texCoordSets(int sceneMaterial) const { return texCoordSets_[sceneMaterial]; }
-  /// The set that meshes keep: that of the first texture; -1 if there is none.
-  int texCoordSet(int sceneMaterial) const;
-  /// The material with textures of other sets reading `mainSet` instead: coordinates of set k are
-  /// scale * main + offset, of maps[k].
+  /// The sets of the file that become 0 and 1 of the scene; -1 for none. The first is the one that
+  /// directions along a texture are of, as glTF has them follow the normal map.
+  static std::array<int, 2> keptSets(const Sets& sets);
+  /// What stands for a set of the file: `set` of the scene, scaled and shifted.
   struct SetMap {
+    std::uint8_t set = 0;
     vec2 scale{1.0f}, offset{0.0f};
     auto operator<=>(const SetMap& o) const {
-      return std::tie(scale.x, scale.y, offset.x, offset.y) <=>
-             std::tie(o.scale.x, o.scale.y, o.offset.x, o.offset.y);
+      return std::tie(set, scale.x, scale.y, offset.x, offset.y) <=>
+             std::tie(o.set, o.scale.x, o.scale.y, o.offset.x, o.offset.y);
     }
     bool operator==(const SetMap&) const = default;
   };
-  int onOneSet(int sceneMaterial, const std::map<int, SetMap>& maps);
+  using SetMaps = std::map<int, SetMap>;  ///< by set of the file
+  /// How the material's textures read sets if nothing else is said: keptSets() as they are, the
+  /// first for others.
+  SetMaps usualMaps(int sceneMaterial) const;
+  /// The material with textures that read sets by these maps.
+  int withMaps(int sceneMaterial, const SetMaps& maps);
 
   /// Decodes all images that used materials refer to.
   void loadImages();
@@ -191,7 +197,7 @@ class GltfMaterials {
   GltfContext& context_;
   std::vector<bool> converted_;
   std::vector<Sets> texCoordSets_;  ///< by scene material
-  std::map<std::pair<int, std::map<int, SetMap>>, int> onOneSet_;
+  std::map<std::pair<int, SetMaps>, int> withMaps_;
   std::vector<PendingImage> pending_;  ///< by index into Scene::images
   std::map<int, int> imageIndex_;      ///< glTF image to scene image
   Sets currentSets_{};                 ///< of the material being converted
@@ -216,9 +222,12 @@ class GltfMeshes {
   int primitive(const tinygltf::Primitive& compressed, const std::string& where,
                 const std::string& name, const GltfDeformation& deformation);
   int materialOf(const tinygltf::Primitive& p) const;
-  int onOneSet(int material, const tinygltf::Primitive& p, const std::string& where);
-  void readGeometry(const tinygltf::Primitive& p, int texCoordSet, const std::string& where,
-                    const GltfDeformation& deformation, Mesh& mesh);
+  /// Accessors of the sets of texture coordinates that a mesh keeps; -1 for none.
+  using TexCoordAccessors = std::array<int, 2>;
+  int chooseSets(int material, const tinygltf::Primitive& p, const std::string& where,
+                 TexCoordAccessors& kept);
+  void readGeometry(const tinygltf::Primitive& p, const TexCoordAccessors& texCoords,
+                    const std::string& where, const GltfDeformation& deformation, Mesh& mesh);
   std::vector<std::uint32_t> readIndices(const tinygltf::Primitive& p, std::uint64_t vertices,
                                          const std::string& where);
 

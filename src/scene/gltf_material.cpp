@@ -143,6 +143,11 @@ void GltfMaterials::convert(int index) {
         texture(kEmissive, emissive.index, emissive.texCoord, emissive.extensions, true);
   }
   convertExtensions(from, to);
+  const int second = keptSets(currentSets_)[1];
+  const auto textures = to.textures();
+  for (std::size_t k = 0; k < textures.size(); ++k) {
+    textures[k]->set = textures[k]->present() && currentSets_[k] == second ? 1 : 0;
+  }
   context_.scene.materials[index] = std::move(to);
   texCoordSets_[index] = currentSets_;
   converted_[index] = true;
@@ -250,26 +255,44 @@ void GltfMaterials::convertSpecularGlossiness(const tinygltf::Value& e, Material
   }
 }
 
-int GltfMaterials::texCoordSet(int sceneMaterial) const {
-  for (const int set : texCoordSets_[sceneMaterial]) {
-    if (set >= 0) return set;
+std::array<int, 2> GltfMaterials::keptSets(const Sets& sets) {
+  std::array<int, 2> kept = {-1, -1};
+  const auto keep = [&](int set) {
+    if (set < 0 || set == kept[0]) return;
+    int& place = kept[kept[0] < 0 ? 0 : 1];
+    if (place < 0) place = set;
+  };
+  for (const Slot slot : {kNormal, kClearcoatNormal, kAnisotropy}) {
+    if (kept[0] < 0) keep(sets[slot]);
   }
-  return -1;
+  for (const int set : sets) keep(set);
+  return kept;
 }
 
-int GltfMaterials::onOneSet(int sceneMaterial, const std::map<int, SetMap>& maps) {
+GltfMaterials::SetMaps GltfMaterials::usualMaps(int sceneMaterial) const {
+  const Sets& sets = texCoordSets_[sceneMaterial];
+  const int second = keptSets(sets)[1];
+  SetMaps maps;
+  for (const int set : sets) {
+    if (set >= 0) maps[set].set = set == second ? 1 : 0;
+  }
+  return maps;
+}
+
+int GltfMaterials::withMaps(int sceneMaterial, const SetMaps& maps) {
   const int next = static_cast<int>(context_.scene.materials.size());
-  const auto [at, isNew] = onOneSet_.try_emplace({sceneMaterial, maps}, next);
+  const auto [at, isNew] = withMaps_.try_emplace({sceneMaterial, maps}, next);
   if (!isNew) return at->second;
   Material made = context_.scene.materials[sceneMaterial];
   const Sets sets = texCoordSets_[sceneMaterial];
   const auto textures = made.textures();
   for (std::size_t k = 0; k < textures.size(); ++k) {
-    const auto map = maps.find(sets[k]);
-    if (map == maps.end()) continue;
     Texture& t = *textures[k];
-    t.offset = transformUv(t, map->second.offset);
-    t.scale *= map->second.scale;
+    if (!t.present()) continue;
+    const SetMap& map = maps.at(sets[k]);
+    t.offset = transformUv(t, map.offset);
+    t.scale *= map.scale;
+    t.set = map.set;
   }
   context_.scene.materials.push_back(std::move(made));
   texCoordSets_.push_back(sets);

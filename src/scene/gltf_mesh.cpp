@@ -81,11 +81,13 @@ std::vector<std::uint32_t> compact(std::vector<glm::uvec3>& triangles, std::uint
   return used;
 }
 
-/// How the second set of coordinates comes from the first: scaled and shifted along each axis.
-/// Nothing if it does not.
-std::optional<GltfMaterials::SetMap> mapOfSets(const GltfAccessor& a, const GltfAccessor& b) {
+/// How one set of coordinates comes from another, which is kept in that place: scaled and shifted
+/// along each axis. Nothing if it does not.
+std::optional<GltfMaterials::SetMap> mapOfSets(std::size_t place, const GltfAccessor& a,
+                                               const GltfAccessor& b) {
   constexpr float kSlack = 2e-5f;
   GltfMaterials::SetMap map;
+  map.set = static_cast<std::uint8_t>(place);
   if (a.components() != 2 || b.components() != 2 || a.count() != b.count()) return {};
   for (int axis = 0; axis < 2; ++axis) {
     std::uint64_t least = 0, most = 0;
@@ -187,47 +189,61 @@ int GltfMeshes::materialOf(const tinygltf::Primitive& p) const {
   return p.material;
 }
 
-/// A material whose textures read several sets of coordinates, made to read one where the others
-/// are that one scaled and shifted, which is all that a mesh here can keep.
-int GltfMeshes::onOneSet(int material, const tinygltf::Primitive& p, const std::string& where) {
-  const int main = materials_.texCoordSet(material);
-  std::map<int, GltfMaterials::SetMap> maps;
-  for (const int set : materials_.texCoordSets(material)) {
-    if (set < 0 || set == main || maps.contains(set)) continue;
-    const int a = attribute(p, fmt::format("TEXCOORD_{}", main));
-    const int b = attribute(p, fmt::format("TEXCOORD_{}", set));
+/// Which sets of coordinates a primitive keeps for its material, and the material that reads these:
+/// sets that are another one scaled and shifted are not kept, those that are missing read 0,0.
+int GltfMeshes::chooseSets(int material, const tinygltf::Primitive& p, const std::string& where,
+                           TexCoordAccessors& kept) {
+  kept = {-1, -1};
+  const GltfMaterials::SetMaps usual = materials_.usualMaps(material);
+  GltfMaterials::SetMaps maps = usual;
+  std::vector<int> sets, keptSets;
+  for (const int set : GltfMaterials::keptSets(materials_.texCoordSets(material))) {
+    if (set >= 0) sets.push_back(set);
+  }
+  for (const auto& [set, map] : usual) {
+    if (std::find(sets.begin(), sets.end(), set) == sets.end()) sets.push_back(set);
+  }
+  for (const int set : sets) {
+    const int accessor = attribute(p, fmt::format("TEXCOORD_{}", set));
     std::optional<GltfMaterials::SetMap> map;
-    if (a >= 0 && b >= 0) map = mapOfSets(GltfAccessor(context_, a), GltfAccessor(context_, b));
+    if (accessor < 0) {
+      context_.replace(
+          "{}: its material has textures, but there is no TEXCOORD_{}; the texel at 0,0 is used",
+          where, set);
+      map = {.set = 0, .scale = vec2(0.0f)};
+    }
+    for (std::size_t i = 0; i < keptSets.size() && !map; ++i) {
+      map = mapOfSets(i, GltfAccessor(context_, kept[i]), GltfAccessor(context_, accessor));
+    }
+    if (!map && keptSets.size() < kept.size()) {
+      map = {.set = static_cast<std::uint8_t>(keptSets.size())};
+      kept[keptSets.size()] = accessor;
+      keptSets.push_back(set);
+    }
     if (!map) {
-      context_.replace("{}: its textures use coordinate sets {} and {}; set {} is used for all",
-                       where, main, set, main);
-      return material;
+      context_.replace("{}: its textures use coordinate sets {}, {} and {}; set {} is used for {}",
+                       where, keptSets[0], keptSets[1], set, keptSets[0], set);
+      map.emplace();
     }
     maps[set] = *map;
   }
-  return maps.empty() ? material : materials_.onOneSet(material, maps);
+  return keptSets.empty() || maps == usual ? material : materials_.withMaps(material, maps);
 }
 
 int GltfMeshes::primitive(const tinygltf::Primitive& compressed, const std::string& where,
                           const std::string& name, const GltfDeformation& deformation) {
   const tinygltf::Primitive p = decodeDraco(context_, compressed, where);
-  const int material = onOneSet(materials_.use(materialOf(p)), p, where);
-  const int set = materials_.texCoordSet(material);
-  const std::string texCoord = fmt::format("TEXCOORD_{}", set);
-  const int uv = set < 0 ? -1 : attribute(p, texCoord);
-  if (set >= 0 && uv < 0) {
-    context_.replace("{}: its material has textures, but there is no {}; the texel at 0,0 is used",
-                     where, texCoord);
-  }
+  TexCoordAccessors texCoords;
+  const int material = chooseSets(materials_.use(materialOf(p)), p, where, texCoords);
   const std::string key =
-      fmt::format("{} {} {} {} {} {}", attribute(p, "POSITION"), attribute(p, "NORMAL"),
-                  attribute(p, "COLOR_0"), uv, p.indices, p.mode);
+      fmt::format("{} {} {} {} {} {} {}", attribute(p, "POSITION"), attribute(p, "NORMAL"),
+                  attribute(p, "COLOR_0"), texCoords[0], texCoords[1], p.indices, p.mode);
   auto& meshes = context_.scene.meshes;
   const int next = static_cast<int>(meshes.size());
   const auto known = deformation.none() ? byGeometry_.find(key) : byGeometry_.end();
   Mesh mesh;
   if (known == byGeometry_.end()) {
-    readGeometry(p, uv < 0 ? -1 : set, where, deformation, mesh);
+    readGeometry(p, texCoords, where, deformation, mesh);
     if (deformation.none()) {
       byGeometry_.emplace(key, next);
       byMaterial_.emplace(std::pair(next, material), next);
@@ -274,7 +290,7 @@ std::vector<std::uint32_t> GltfMeshes::readIndices(const tinygltf::Primitive& p,
   return indices;
 }
 
-void GltfMeshes::readGeometry(const tinygltf::Primitive& p, int texCoordSet,
+void GltfMeshes::readGeometry(const tinygltf::Primitive& p, const TexCoordAccessors& texCoords,
                               const std::string& where, const GltfDeformation& deformation,
                               Mesh& mesh) {
   const int positionIndex = attribute(p, "POSITION");
@@ -312,11 +328,13 @@ void GltfMeshes::readGeometry(const tinygltf::Primitive& p, int texCoordSet,
       mesh.normals.push_back({normals.value(v, 0), normals.value(v, 1), normals.value(v, 2)});
     }
   }
-  if (texCoordSet >= 0) {
-    const GltfAccessor uv(context_, attribute(p, fmt::format("TEXCOORD_{}", texCoordSet)));
+  for (std::size_t set = 0; set < texCoords.size(); ++set) {
+    if (texCoords[set] < 0) continue;
+    const GltfAccessor uv(context_, texCoords[set]);
     checked(uv, "TEXCOORD", 2, 2);
-    mesh.texCoords.reserve(used.size());
-    for (const std::uint32_t v : used) mesh.texCoords.push_back({uv.value(v, 0), uv.value(v, 1)});
+    std::vector<vec2>& out = set == 0 ? mesh.texCoords : mesh.secondTexCoords;
+    out.reserve(used.size());
+    for (const std::uint32_t v : used) out.push_back({uv.value(v, 0), uv.value(v, 1)});
   }
   if (const int index = attribute(p, "COLOR_0"); index >= 0) {
     GltfAccessor colors(context_, index);

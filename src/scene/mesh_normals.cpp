@@ -88,10 +88,12 @@ void makeNormalsByAngle(Mesh& mesh, double largestAngle) {
     const std::uint32_t v = vertexOf(c);
     split.positions.push_back(mesh.positions[v]);
     if (!mesh.texCoords.empty()) split.texCoords.push_back(mesh.texCoords[v]);
+    if (!mesh.secondTexCoords.empty()) split.secondTexCoords.push_back(mesh.secondTexCoords[v]);
     if (!mesh.colors.empty()) split.colors.push_back(mesh.colors[v]);
   }
   mesh.positions = std::move(split.positions);
   mesh.texCoords = std::move(split.texCoords);
+  mesh.secondTexCoords = std::move(split.secondTexCoords);
   mesh.colors = std::move(split.colors);
   mesh.normals = std::move(normals);
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {

@@ -76,10 +76,12 @@ void sanitiseMesh(Scene& scene, Mesh& mesh, const std::string& where) {
         fmt::format("{}: {} unusable normals replaced by those of the faces", where, count), count);
   }
   std::uint64_t badCoords = 0;
-  for (vec2& uv : mesh.texCoords) {
-    if (std::isfinite(uv.x) && std::isfinite(uv.y)) continue;
-    uv = vec2(0.0f);
-    ++badCoords;
+  for (std::vector<vec2>* set : {&mesh.texCoords, &mesh.secondTexCoords}) {
+    for (vec2& uv : *set) {
+      if (std::isfinite(uv.x) && std::isfinite(uv.y)) continue;
+      uv = vec2(0.0f);
+      ++badCoords;
+    }
   }
   if (badCoords > 0) {
     scene.replaced.add(

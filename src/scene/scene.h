@@ -32,6 +32,9 @@ struct Image {
   std::vector<float> floats;        ///< width*height*channels, if of higher precision (linear)
 };
 
+/// Texture coordinates of a point, by Texture::set.
+using TexCoords = std::array<vec2, 2>;
+
 /// How a texture is read from an image. uv is transformed by offset + rotate(scale * uv)
 /// (KHR_texture_transform), wrapped, and sampled bilinearly by default; (0, 0) is the upper left
 /// corner.
@@ -42,6 +45,9 @@ struct Texture {
   vec2 offset{0.0f}, scale{1.0f};
   float rotation = 0.0f;
   bool nearest = false;  ///< the nearest texel instead of a mix of four
+  /// 0 or 1: the set of texture coordinates that uv is of. Directions along a texture (of normal
+  /// maps and anisotropy) are those of set 0.
+  std::uint8_t set = 0;
   bool present() const { return image != kNone; }
   bool operator==(const Texture&) const = default;
 };
@@ -147,9 +153,10 @@ struct Mesh {
   std::vector<glm::uvec3> triangles;  ///< indices into positions, all in range
   std::vector<vec3> normals;          ///< unit; empty: flat faces
   std::vector<vec2> texCoords;
-  std::vector<glm::u8vec4> colors;  ///< see packVertexColor(); multiplies the base colour
-  int material = 0;                 ///< index into Scene::materials, always valid
-  int sameGeometryAs = kNone;       ///< earlier mesh with equal arrays and another material
+  std::vector<vec2> secondTexCoords;  ///< of set 1; only with texCoords
+  std::vector<glm::u8vec4> colors;    ///< see packVertexColor(); multiplies the base colour
+  int material = 0;                   ///< index into Scene::materials, always valid
+  int sameGeometryAs = kNone;         ///< earlier mesh with equal arrays and another material
 };
 
 /// One placement of a mesh. The transform is finite and invertible. A mirroring transform (negative

@@ -10,16 +10,25 @@ namespace trex {
 /// before filtering (float images are linear already). A non-finite uv reads as 0. Thread safe.
 vec4 sampleTexture(const Image& image, const Texture& texture, vec2 uv, bool srgb);
 
-/// That of the texture's own image; 1 where it has none.
-inline vec4 readTexture(const std::vector<Image>& images, const Texture& texture, vec2 uv,
-                        bool srgb) {
+/// That of the texture's own image, where its set of coordinates says; 1 if it has no image.
+inline vec4 readTexture(const std::vector<Image>& images, const Texture& texture,
+                        const TexCoords& uv, bool srgb) {
   if (!texture.present()) return vec4(1.0f);
-  return sampleTexture(images[static_cast<std::size_t>(texture.image)], texture, uv, srgb);
+  return sampleTexture(images[static_cast<std::size_t>(texture.image)], texture, uv[texture.set],
+                       srgb);
 }
 
 /// Whether a surface's texture coordinates count: those of textures, and for the direction of
 /// anisotropy.
 inline bool readsTexCoords(const Material& m) { return m.textured() || m.finish.anisotropy > 0.0f; }
+
+/// Whether those of set 1 count.
+inline bool readsSecondTexCoords(const Material& m) {
+  for (const Texture* t : m.textures()) {
+    if (t->present() && t->set == 1) return true;
+  }
+  return false;
+}
 
 /// Mean of the texture over its image (linear), for light selection.
 vec4 textureMean(const Image& image, bool srgb);

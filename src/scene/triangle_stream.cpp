@@ -6,6 +6,7 @@
 #include "src/scene/import_detail.h"
 #include "src/scene/streamed.h"
 #include "src/scene/synth.h"
+#include "src/scene/texture.h"
 
 namespace trex {
 namespace {
@@ -34,6 +35,7 @@ class SceneStream : public TriangleStream {
       a.normals |= !m.normals.empty();
       a.texCoords |= !m.texCoords.empty();
       a.colors |= !m.colors.empty();
+      a.secondTexCoords |= !m.secondTexCoords.empty();
     }
     return a;
   }
@@ -41,7 +43,8 @@ class SceneStream : public TriangleStream {
     std::uint64_t bytes = 0;
     for (const Mesh& m : scene_.meshes) {
       bytes += m.positions.size() * sizeof(vec3) + m.triangles.size() * sizeof(glm::uvec3) +
-               m.normals.size() * sizeof(vec3) + m.texCoords.size() * sizeof(vec2) +
+               m.normals.size() * sizeof(vec3) +
+               (m.texCoords.size() + m.secondTexCoords.size()) * sizeof(vec2) +
                m.colors.size() * sizeof(glm::u8vec4);
     }
     return bytes;
@@ -76,8 +79,10 @@ void SceneStream::batch(std::uint64_t number, TriangleBatch& out) const {
       glm::dmat3(glm::cross(linear[1], linear[2]), glm::cross(linear[2], linear[0]),
                  glm::cross(linear[0], linear[1])) *
       (mirrored ? -1.0 : 1.0);
-  const bool texCoords = !mesh.texCoords.empty() &&
-                         scene_.materials[static_cast<std::size_t>(mesh.material)].textured();
+  const Material& material = scene_.materials[static_cast<std::size_t>(mesh.material)];
+  const bool texCoords = !mesh.texCoords.empty() && readsTexCoords(material);
+  const bool secondTexCoords =
+      texCoords && !mesh.secondTexCoords.empty() && readsSecondTexCoords(material);
   // Floats around one origin for the whole scene keep edges of neighbours shared.
   out.origin = bounds_.centre();
   for (std::size_t t = piece.first; t < piece.end; ++t) {
@@ -93,6 +98,7 @@ void SceneStream::batch(std::uint64_t number, TriangleBatch& out) const {
         out.normals.push_back(length > 0.0 ? vec3(n / length) : vec3(0.0f, 0.0f, 1.0f));
       }
       if (texCoords) out.texCoords.push_back(mesh.texCoords[v]);
+      if (secondTexCoords) out.secondTexCoords.push_back(mesh.secondTexCoords[v]);
       if (!mesh.colors.empty()) out.colors.push_back(mesh.colors[v]);
     }
   }
@@ -107,6 +113,7 @@ void TriangleBatch::clear() {
   positions.clear();
   normals.clear();
   texCoords.clear();
+  secondTexCoords.clear();
   colors.clear();
   runs.clear();
 }

@@ -25,7 +25,8 @@ struct TriangleBatch {
   std::vector<vec3> positions;  ///< counter-clockwise from the front; need not be finite
   std::vector<vec3> normals;    ///< any length but zero
   std::vector<vec2> texCoords;
-  std::vector<glm::u8vec4> colors;  ///< of packVertexColor()
+  std::vector<vec2> secondTexCoords;  ///< only with texCoords
+  std::vector<glm::u8vec4> colors;    ///< of packVertexColor()
   std::vector<Run> runs;
 
   void clear();
@@ -33,9 +34,11 @@ struct TriangleBatch {
 };
 
 struct StreamAttributes {
-  bool normals = false, texCoords = false, colors = false;
+  bool normals = false, texCoords = false, colors = false, secondTexCoords = false;
   /// Of a triangle, at most.
-  std::uint64_t bytes() const { return 12u * normals + 24u * texCoords + 12u * colors; }
+  std::uint64_t bytes() const {
+    return 12u * normals + 24u * texCoords + 12u * colors + 24u * secondTexCoords;
+  }
 };
 
 /// Where triangles come from. Const calls are thread safe.

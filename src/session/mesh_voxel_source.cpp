@@ -96,6 +96,7 @@ void MeshVoxelSource::whole(std::uint64_t i, vec3 (&position)[3], hccm::Triangle
   if (!place.mirrored) return;
   std::swap(position[1], position[2]);
   std::swap(source.texCoord[1], source.texCoord[2]);
+  std::swap(source.secondTexCoord[1], source.secondTexCoord[2]);
   std::swap(source.color[1], source.color[2]);
 }
 
@@ -144,7 +145,8 @@ asvo::Shade MeshVoxelSource::shade(const asvo::Triangle& triangle, float u, floa
     for (vec4& corner : source.color) corner = unpackVertexColor(corner);
     color = mix(source.color);
   }
-  return voxelShade(materials_[source.material], images_, mix(source.texCoord), color);
+  return voxelShade(materials_[source.material], images_,
+                    {mix(source.texCoord), mix(source.secondTexCoord)}, color);
 }
 
 }  // namespace trex

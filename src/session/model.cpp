@@ -22,6 +22,7 @@ void freeSourceArrays(Scene& scene) {
   for (Mesh& mesh : scene.meshes) {
     release(mesh.normals);
     release(mesh.texCoords);
+    release(mesh.secondTexCoords);
     release(mesh.colors);
     if (scene.materials[static_cast<std::size_t>(mesh.material)].emits()) continue;
     release(mesh.positions);

@@ -47,13 +47,13 @@ class PageBlocks : public asvo::BlockSource {
   }
   asvo::Shade shade(const asvo::Triangle& triangle, const Reading& reading, float u,
                     float v) const override {
-    vec2 uv(0.0f);
+    TexCoords uv{};
     vec4 color(1.0f);
     if (triangle.shadeKey != kPlain) {
       const vec4* corners = &reading.extra[triangle.shadeKey];
       const vec4 places = (1.0f - u - v) * corners[3] + u * corners[4] + v * corners[5];
       color = (1.0f - u - v) * corners[0] + u * corners[1] + v * corners[2];
-      uv = vec2(places);
+      uv = {vec2(places), vec2(places.z, places.w)};
     }
     return voxelShade(scene_.materials[triangle.material], scene_.images, uv, color);
   }
@@ -87,7 +87,9 @@ class PageBlocks : public asvo::BlockSource {
       for (const vec4& color : t.color) {
         out.extra.push_back(t.hasColors ? unpackVertexColor(color) : vec4(1.0f));
       }
-      for (const vec2& uv : t.texCoord) out.extra.push_back(vec4(uv, 0.0f, 0.0f));
+      for (int k = 0; k < 3; ++k) {
+        out.extra.push_back(vec4(t.texCoord[k], t.secondTexCoord[k]));
+      }
     });
   }
 

@@ -47,7 +47,8 @@ std::uint64_t sourceBytes(const Scene& scene) {
   std::uint64_t bytes = 0;
   for (const Mesh& m : scene.meshes) {
     bytes += m.positions.size() * sizeof(vec3) + m.triangles.size() * sizeof(glm::uvec3) +
-             m.normals.size() * sizeof(vec3) + m.texCoords.size() * sizeof(vec2) +
+             m.normals.size() * sizeof(vec3) +
+             (m.texCoords.size() + m.secondTexCoords.size()) * sizeof(vec2) +
              m.colors.size() * sizeof(glm::u8vec4);
   }
   return bytes;

@@ -9,11 +9,6 @@
 namespace trex {
 namespace {
 
-vec3 textured(const std::vector<Image>& images, const Texture& texture, vec2 uv) {
-  if (!texture.present()) return vec3(1.0f);
-  return vec3(sampleTexture(images[static_cast<std::size_t>(texture.image)], texture, uv, true));
-}
-
 /// Of light from everywhere, without the finish's textures.
 vec3 underFinish(const Finish& finish, const vec3& bare) {
   constexpr float kCoat = 0.092f;  // of index 1.5, seen from everywhere
@@ -42,11 +37,11 @@ vec3 meanColor(const std::vector<Image>& images, const Texture& texture) {
   return vec3(textureMean(images[static_cast<std::size_t>(texture.image)], true));
 }
 
-asvo::Shade voxelShade(const Material& m, const std::vector<Image>& images, vec2 uv,
+asvo::Shade voxelShade(const Material& m, const std::vector<Image>& images, const TexCoords& uv,
                        const vec4& vertexColor) {
   asvo::Shade out;
-  out.albedo =
-      voxelAlbedo(m, vec3(m.baseColor * vertexColor) * textured(images, m.baseColorTexture, uv));
+  out.albedo = voxelAlbedo(
+      m, vec3(m.baseColor * vertexColor) * vec3(readTexture(images, m.baseColorTexture, uv, true)));
   out.emission = emissionAt(m, images, uv) * coverageAt(m, images, uv, vertexColor.w);
   out.emitsBack = m.doubleSided;
   return out;
@@ -58,7 +53,7 @@ std::vector<std::optional<asvo::Shade>> plainShades(const std::vector<Material>&
   for (std::size_t i = 0; i < materials.size(); ++i) {
     const Material& m = materials[i];
     if (m.baseColorTexture.present() || m.emissiveTexture.present()) continue;
-    out[i] = voxelShade(m, images, vec2(0.0f), vec4(1.0f));
+    out[i] = voxelShade(m, images, TexCoords{}, vec4(1.0f));
   }
   return out;
 }
@@ -112,10 +107,13 @@ asvo::Shade VoxelSource::shade(const asvo::Triangle& triangle, float u, float v)
   const auto mix = [&](const auto& values) {
     return (1.0f - u - v) * values(t.x) + u * values(t.y) + v * values(t.z);
   };
-  vec2 uv(0.0f);
+  TexCoords uv{};
   vec4 color(1.0f);
   if (!placed.mesh->texCoords.empty()) {
-    uv = mix([&](std::uint32_t k) { return placed.mesh->texCoords[k]; });
+    uv[0] = mix([&](std::uint32_t k) { return placed.mesh->texCoords[k]; });
+  }
+  if (!placed.mesh->secondTexCoords.empty()) {
+    uv[1] = mix([&](std::uint32_t k) { return placed.mesh->secondTexCoords[k]; });
   }
   if (!placed.mesh->colors.empty()) {
     color = mix([&](std::uint32_t k) { return unpackVertexColor(placed.mesh->colors[k]); });

@@ -45,8 +45,8 @@ vec3 voxelAlbedo(const Material& material, const vec3& baseColor);
 vec3 meanColor(const std::vector<Image>& images, const Texture& texture);
 /// The shade of a surface point; `vertexColor` multiplies the base colour. Emission is that of the
 /// part that is there.
-asvo::Shade voxelShade(const Material& material, const std::vector<Image>& images, vec2 uv,
-                       const vec4& vertexColor);
+asvo::Shade voxelShade(const Material& material, const std::vector<Image>& images,
+                       const TexCoords& uv, const vec4& vertexColor);
 /// By material: the shade of surfaces without vertex colours, if no texture changes it.
 std::vector<std::optional<asvo::Shade>> plainShades(const std::vector<Material>& materials,
                                                     const std::vector<Image>& images);

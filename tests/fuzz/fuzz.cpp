@@ -29,6 +29,8 @@ void checkMesh(const Scene& scene, const Mesh& mesh) {
   }
   require(std::all_of(mesh.positions.begin(), mesh.positions.end(), finite));
   require(fits(mesh.normals, mesh) && fits(mesh.texCoords, mesh) && fits(mesh.colors, mesh));
+  require(fits(mesh.secondTexCoords, mesh));
+  require(mesh.secondTexCoords.empty() || !mesh.texCoords.empty());
   for (const vec3& n : mesh.normals) require(std::abs(glm::length(n) - 1.0f) < 1e-3f);
   for (const vec2& uv : mesh.texCoords) require(std::isfinite(uv.x) && std::isfinite(uv.y));
   require(mesh.material >= 0 && std::size_t(mesh.material) < scene.materials.size());
@@ -111,6 +113,7 @@ void streamAndCheck(const std::filesystem::path& path) {
       require(batch.normals.empty() || batch.normals.size() == corners);
       require(batch.texCoords.empty() || batch.texCoords.size() == corners);
       require(batch.colors.empty() || batch.colors.size() == corners);
+      require(batch.secondTexCoords.empty() || batch.secondTexCoords.size() == corners);
       std::size_t inRuns = 0;
       for (const TriangleBatch::Run& run : batch.runs) {
         require(run.material < scene.materials.size() && run.object < scene.objects.size());

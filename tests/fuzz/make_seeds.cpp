@@ -75,6 +75,7 @@ void writeMeshes(const fs::path& folder, const fs::path& pages) {
       part.positions = positions;
       part.triangles = triangles;
       if (attributes) part.normals = normals, part.texCoords = texCoords, part.colors = colors;
+      if (attributes && rings > 2) part.secondTexCoords = texCoords;
       const hccm::Mesh mesh = hccm::Mesh::build({&part, 1}, {.precisionBits = rings == 2 ? 8 : 24});
       const std::vector<std::byte> bytes(mesh.bytes().begin(), mesh.bytes().end());
       const std::string name = std::to_string(rings) + (attributes ? "-attributes" : "");
@@ -90,7 +91,8 @@ void writePages(const fs::path& folder) {
   using namespace hccm::test;
   for (const int side : {1, 5, 40}) {
     for (const bool attributes : {false, true}) {
-      const hccm::test::Soup soup = attributes ? randomSoup(side * 20, 1.0f, 1) : sheet(side);
+      const hccm::test::Soup soup =
+          attributes ? withSecondSet(randomSoup(side * 20, 1.0f, 1), 2.0f) : sheet(side);
       const Streamed s = hccm::test::stream(soup, 3);
       const std::vector<std::byte> table = s.table.toBytes();
       const auto length = static_cast<std::uint32_t>(table.size());

@@ -53,6 +53,7 @@ inline Scene littleOfEverything() {
   scene.materials[2].baseColorTexture.image = 0;
   scene.materials[2].baseColorTexture.wrapT = Texture::Wrap::kMirror;
   scene.materials[2].emissiveTexture.image = 1;
+  scene.materials[2].emissiveTexture.set = 1;
   addAwkwardNumbers(scene);
   for (int i = 0; i < 6; ++i) scene.objects.push_back("object " + std::to_string(i));
   scene.meshes = {box(vec3(-4.0f), vec3(4.0f), 0, true),
@@ -60,6 +61,7 @@ inline Scene littleOfEverything() {
                   sphere(vec3(0.0f), 1.0f, 2, 24)};
   for (const vec3& p : scene.meshes[2].positions) {
     scene.meshes[2].texCoords.emplace_back(p.x, p.y * 3.0f);
+    scene.meshes[2].secondTexCoords.emplace_back(p.z, p.x * 0.3f);
     scene.meshes[2].normals.push_back(glm::normalize(p));
   }
   const auto put = [&](int mesh, const dmat4& transform) {

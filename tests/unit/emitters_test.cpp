@@ -104,6 +104,25 @@ TEST(Emitters, AHalfBlackPanelShinesWithTheOther) {
   expectFloor(scene, 2.0, 1.0, sent);
 }
 
+TEST(Emitters, APictureOnTheSecondSetShinesWhereThatSays) {
+  Scene scene = room(1.0f);
+  Mesh& lamp = scene.meshes[1];
+  lamp.secondTexCoords = lamp.texCoords;
+  for (vec2& uv : lamp.texCoords) uv = vec2(0.9f * uv.y, 0.2f);
+  Material& m = scene.materials[1];
+  texture(scene, m.emissiveTexture,
+          picture(64, 2, 3, [](int x, int, int) { return x < 32 ? 0 : 255; }));
+  m.emissiveTexture.set = 1;
+  const auto sent = [](double x, double) { return std::clamp(0.5 + x * 32.0, 0.0, 1.0); };
+  expectFloor(scene, -2.0, 1.0, sent);
+  // A cut by the first set: what is left is where its u is over a half, at z over 1/9.
+  m.alphaMode = AlphaMode::kMask;
+  texture(scene, m.baseColorTexture,
+          picture(2, 2, 4, [](int x, int, int c) { return c < 3 || x == 1 ? 255 : 0; }));
+  expectFloor(scene, 0.5, 1.0,
+              [&](double x, double z) { return 0.9 * (z + 1.0) / 2.0 >= 0.5 ? sent(x, z) : 0.0; });
+}
+
 TEST(Emitters, CutOutLampsShineWhereTheyAre) {
   Scene scene = room(0.5f);
   scene.materials[1].alphaMode = AlphaMode::kMask;

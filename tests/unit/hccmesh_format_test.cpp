@@ -43,6 +43,9 @@ void expectEqual(const Mesh& mesh, const naive::File& file) {
       }
       for (int k = 0; k < 2; ++k)
         EXPECT_NEAR(double(t.texCoord[i % 3][k]), v.uv[k], 1e-6 * (1.0 + std::abs(v.uv[k])));
+      for (int k = 0; k < 2; ++k)
+        EXPECT_NEAR(double(t.secondTexCoord[i % 3][k]), v.secondUv[k],
+                    1e-6 * (1.0 + std::abs(v.secondUv[k])));
       for (int k = 0; k < 4; ++k)
         EXPECT_NEAR(double(t.color[i % 3][k]), t.hasColors ? v.color[k] : 1.0, 1e-6);
     }
@@ -63,14 +66,14 @@ void expectEqual(const Mesh& mesh, const naive::File& file) {
   }
 }
 
-Mesh smallMesh() {
+Mesh smallMesh(bool secondSet = false) {
   Soup s = sheet(3);
   for (const glm::vec3& p : s.positions) {
     s.normals.push_back(glm::normalize(p + glm::vec3(0.0f, 0.0f, 1.0f)));
     s.texCoords.push_back(glm::vec2(p));
     s.colors.push_back(glm::u8vec4(1, 2, 3, 4));
   }
-  return build(s);
+  return build(secondSet ? withSecondSet(s, 1.0f) : s);
 }
 
 // Traces and decodes everything: sanitizers watch.
@@ -94,6 +97,10 @@ TEST(HccMeshFormat, NaiveDecoderReadsTheSame) {
   expectEqual(connected, naive::readFile(connected.bytes()));
   const Mesh wide = build(randomSoup(40, 1e4f, 12));
   expectEqual(wide, naive::readFile(wide.bytes()));
+  for (const float scale : {1.0f, 1e3f}) {
+    const Mesh twoSets = build(withSecondSet(randomSoup(1500, 3.0f, 16), scale));
+    expectEqual(twoSets, naive::readFile(twoSets.bytes()));
+  }
 }
 
 TEST(HccMeshFormat, HeaderOfVersionTwo) {
@@ -111,7 +118,7 @@ TEST(HccMeshFormat, FromBytesGivesTheSameMesh) {
 }
 
 TEST(HccMeshFormat, EveryFlippedBitIsNoticed) {
-  std::vector<std::byte> b = bytesOf(smallMesh());
+  std::vector<std::byte> b = bytesOf(smallMesh(true));
   for (std::size_t bit = 0; bit < 8 * b.size(); ++bit) {
     const std::byte mask{static_cast<unsigned char>(1u << (bit % 8))};
     b[bit / 8] ^= mask;
@@ -143,7 +150,8 @@ TEST(HccMeshFormat, TruncatedAndExtendedBuffersAreRefused) {
 }
 
 TEST(HccMeshFormat, DamageWithARightChecksumIsRefusedOrHarmless) {
-  const std::vector<std::byte> good = bytesOf(build(randomSoup(150, 1.0f, 14)));
+  const std::vector<std::byte> good =
+      bytesOf(build(withSecondSet(randomSoup(150, 1.0f, 14), 1.0f)));
   std::mt19937 random(15);
   int accepted = 0, refused = 0;
   for (int i = 0; i < 20000; ++i) {
@@ -162,8 +170,7 @@ TEST(HccMeshFormat, DamageWithARightChecksumIsRefusedOrHarmless) {
   EXPECT_GT(accepted, 0) << "attributes may take any value";
 }
 
-TEST(HccMeshFormat, FieldsOutOfRangeAreRefused) {
-  const std::vector<std::byte> good = bytesOf(smallMesh());
+void expectFieldsChecked(const std::vector<std::byte>& good, const std::vector<int>& wrongFlags) {
   const std::size_t cluster = 16u * naive::Reader(good).u32(112);
   const auto refused = [&](std::size_t at, int value) {
     std::vector<std::byte> b = good;
@@ -183,11 +190,18 @@ TEST(HccMeshFormat, FieldsOutOfRangeAreRefused) {
   refused(cluster + 21, 255);
   refused(cluster + 22, 0);
   refused(cluster + 22, 65);
-  refused(cluster + 23, 16);
+  for (const int flags : wrongFlags) refused(cluster + 23, flags);
   refused(cluster + 24, 26);
   refused(cluster + 27, 31);
   refused(cluster + 30, 1);
   refused(cluster + 33, 1);
   refused(cluster + 34, 0);
   refused(good.size() - 1, 1);
+}
+
+TEST(HccMeshFormat, FieldsOutOfRangeAreRefused) {
+  // A second set without a first one, floats without the set, unknown ones, a set that is not
+  // there.
+  expectFieldsChecked(bytesOf(smallMesh()), {16, 25, 43, 64, 75, 139, 27});
+  expectFieldsChecked(bytesOf(smallMesh(true)), {25, 91, 155, 11, 59});
 }

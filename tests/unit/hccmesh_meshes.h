@@ -12,12 +12,12 @@ struct Soup {
   std::vector<glm::vec3> positions;
   std::vector<glm::uvec3> triangles;
   std::vector<glm::vec3> normals;
-  std::vector<glm::vec2> texCoords;
+  std::vector<glm::vec2> texCoords, secondTexCoords;
   std::vector<glm::u8vec4> colors;
   Part part() const {
     Part p;
     p.positions = positions, p.triangles = triangles, p.normals = normals;
-    p.texCoords = texCoords, p.colors = colors;
+    p.texCoords = texCoords, p.colors = colors, p.secondTexCoords = secondTexCoords;
     return p;
   }
 };
@@ -45,6 +45,13 @@ inline Soup randomSoup(int count, float extent, unsigned seed) {
     const auto v = static_cast<std::uint32_t>(3 * i);
     s.triangles.push_back({v, v + 1, v + 2});
   }
+  return s;
+}
+
+/// With second texture coordinates that are the positions, scaled.
+inline Soup withSecondSet(Soup s, float scale) {
+  s.secondTexCoords.clear();
+  for (const glm::vec3& p : s.positions) s.secondTexCoords.push_back(scale * glm::vec2(p.y, p.x));
   return s;
 }
 

@@ -12,7 +12,7 @@ namespace hccm::naive {
 
 struct Vertex {
   std::int64_t grid[3] = {};
-  double normal[3] = {}, uv[2] = {}, color[4] = {};
+  double normal[3] = {}, uv[2] = {}, secondUv[2] = {}, color[4] = {};
 };
 struct Leaf {
   std::uint32_t first = 0, end = 0;
@@ -115,6 +115,20 @@ inline std::uint64_t readRecord(const Reader& r, std::uint64_t at, std::uint32_t
   return at + bit / 8;
 }
 
+/// One set of all vertices; where it ends.
+inline std::uint64_t readTexCoords(const Reader& r, std::uint64_t at, bool floats,
+                                   double (Vertex::*set)[2], Cluster& c) {
+  const std::uint64_t head = at;
+  if (!floats) at += 16;
+  for (Vertex& v : c.vertices) {
+    for (unsigned k = 0; k < 2; ++k)
+      (v.*set)[k] = floats ? r.f32(at + 4 * k)
+                           : r.f32(head + 4 * k) + r.f32(head + 8 + 4 * k) * r.u16(at + 2 * k);
+    at += floats ? 8 : 4;
+  }
+  return at;
+}
+
 inline Cluster readCluster(const Reader& r, std::uint64_t at) {
   Cluster c;
   std::int64_t anchor[3];
@@ -164,17 +178,10 @@ inline Cluster readCluster(const Reader& r, std::uint64_t at) {
   while (c.flags != 0 && (next - at) % 4 != 0) ++next;
   for (std::uint32_t i = 0; (c.flags & 1) && i < v; ++i, next += 4)
     readNormal(r, next, c.vertices[i].normal);
-  if ((c.flags & 6) == 2) {
-    const std::uint64_t head = next;
-    next += 16;
-    for (std::uint32_t i = 0; i < v; ++i, next += 4)
-      for (unsigned k = 0; k < 2; ++k)
-        c.vertices[i].uv[k] = r.f32(head + 4 * k) + r.f32(head + 8 + 4 * k) * r.u16(next + 2 * k);
-  }
-  for (std::uint32_t i = 0; (c.flags & 4) && i < v; ++i, next += 8)
-    for (unsigned k = 0; k < 2; ++k) c.vertices[i].uv[k] = r.f32(next + 4 * k);
+  if (c.flags & 2) next = readTexCoords(r, next, (c.flags & 4) != 0, &Vertex::uv, c);
   for (std::uint32_t i = 0; (c.flags & 8) && i < v; ++i, next += 4)
     for (unsigned k = 0; k < 4; ++k) c.vertices[i].color[k] = r.u8(next + k) / 255.0;
+  if (c.flags & 16) readTexCoords(r, next, (c.flags & 32) != 0, &Vertex::secondUv, c);
   return c;
 }
 

@@ -33,7 +33,8 @@ void expectSame(const Blobs& blobs, const ClusterPage& page) {
 TEST(HccMeshPack, BlobsComeBackBitForBit) {
   Soup coloured = sheet(30);
   coloured.colors.assign(coloured.positions.size(), glm::u8vec4(9, 8, 7, 6));
-  for (const Mesh& mesh : {build(sheet(60)), build(randomSoup(2000, 3.0f, 41)), build(coloured)}) {
+  for (const Mesh& mesh : {build(sheet(60)), build(randomSoup(2000, 3.0f, 41)), build(coloured),
+                           build(withSecondSet(randomSoup(2000, 3.0f, 42), 1.0f))}) {
     const Blobs blobs = blobsOf(mesh);
     const std::vector<std::byte> packed = packClusters(blobs);
     const ClusterPage page = unpackClusters(packed);

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <set>
 
 #include "hccmesh_meshes.h"
 
@@ -119,6 +120,46 @@ TEST(HccMesh, SmallUvRangesAreQuantisedAndLargeOnesAreFloats) {
     for (int k = 0; k < 3; ++k)
       EXPECT_LT(glm::length(t.texCoord[k] / 1000.0f - 0.5f - glm::vec2(t.position[k])), 1e-6f);
   });
+}
+
+TEST(HccMesh, ASecondSetOfTexCoordsBesidesTheFirst) {
+  for (const float scale : {0.5f, 1000.0f}) {
+    Soup s = sheet(30);
+    for (const glm::vec3& p : s.positions) s.texCoords.push_back(glm::vec2(p) + 0.5f);
+    const Mesh one = build(s), two = build(withSecondSet(s, scale));
+    EXPECT_EQ(two.sizes().total(), two.bytes().size());
+    EXPECT_GT(two.sizes().texCoords, one.sizes().texCoords);
+    EXPECT_FALSE(one.triangle(0, 0).hasSecondTexCoords);
+    forEachTriangle(two, [&](std::uint32_t, const Triangle& t) {
+      ASSERT_TRUE(t.hasTexCoords && t.hasSecondTexCoords);
+      for (int k = 0; k < 3; ++k) {
+        const glm::vec2 p(t.position[k]);
+        EXPECT_LT(glm::length(t.texCoord[k] - 0.5f - p), 0x1p-15f);
+        EXPECT_LT(glm::length(t.secondTexCoord[k] - scale * glm::vec2(p.y, p.x)), 0x1p-15f * scale);
+      }
+    });
+  }
+}
+
+TEST(HccMesh, VerticesThatDifferInTheSecondSetAloneStayApart) {
+  Soup s = fromPoints({{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 0, 0}, {1, 1, 0}, {0, 1, 0}});
+  s.texCoords.assign(6, glm::vec2(0.5f));
+  for (int i = 0; i < 6; ++i) s.secondTexCoords.push_back(glm::vec2(i < 3 ? 0.0f : 1.0f));
+  std::set<float> seen;
+  forEachTriangle(build(s), [&](std::uint32_t, const Triangle& t) {
+    EXPECT_EQ(t.secondTexCoord[0], t.secondTexCoord[1]);
+    EXPECT_EQ(t.secondTexCoord[0], t.secondTexCoord[2]);
+    seen.insert(t.secondTexCoord[0].x);
+  });
+  EXPECT_EQ(seen, (std::set<float>{0.0f, 1.0f}));
+}
+
+TEST(HccMesh, RefusesASecondSetWithoutAFirst) {
+  Soup s = withSecondSet(sheet(2), 1.0f);
+  EXPECT_THROW(build(s), std::invalid_argument);
+  s.texCoords.assign(s.positions.size(), glm::vec2(0.0f));
+  s.secondTexCoords.pop_back();
+  EXPECT_THROW(build(s), std::invalid_argument);
 }
 
 TEST(HccMesh, StoresOnlyWhatThePartHas) {

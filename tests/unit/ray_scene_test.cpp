@@ -97,8 +97,8 @@ TEST(RayScene, SurfaceOfATexturedQuad) {
   expectNear(s.shadingNormal, vec3(0, 0, 1));
   expectNear(s.tangent, vec3(1, 0, 0));
   expectNear(s.bitangent, vec3(0, 1, 0));
-  EXPECT_NEAR(s.texCoord.x, 0.75f, 1e-4f);
-  EXPECT_NEAR(s.texCoord.y, 0.375f, 1e-4f);
+  EXPECT_NEAR(s.texCoords[0].x, 0.75f, 1e-4f);
+  EXPECT_NEAR(s.texCoords[0].y, 0.375f, 1e-4f);
   EXPECT_EQ(s.color, vec4(1.0f));
   for (const vec3& away : {vec3(0, 0, 1), vec3(0, 0, -1), vec3(1, 0, 1e-7f), vec3(1, 0, 0)})
     EXPECT_FALSE(rays.occluded(s.leave(), away, 0.0f, kInfinity)) << away.z;
@@ -109,8 +109,26 @@ TEST(RayScene, TextureCoordinatesOnlyWhereAMaterialHasATexture) {
   scene.materials[0].normalTexture.image = kNone;
   const RayScene rays(scene);
   const Surface s = hitSurface(rays, vec3(0.5f, 0.25f, 3.0f), vec3(0, 0, -1));
-  EXPECT_EQ(s.texCoord, vec2(0.0f));
+  EXPECT_EQ(s.texCoords[0], vec2(0.0f));
   EXPECT_EQ(s.tangent, vec3(0.0f));
+}
+
+TEST(RayScene, ASecondSetOfTexCoordsWhereAMaterialReadsIt) {
+  Scene scene = texturedQuad();
+  for (const vec2& uv : scene.meshes[0].texCoords) {
+    scene.meshes[0].secondTexCoords.emplace_back(3.0f * uv.y, uv.x - 1.0f);
+  }
+  const auto surface = [&] {
+    return hitSurface(RayScene(scene), vec3(0.5f, 0.25f, 3.0f), vec3(0, 0, -1));
+  };
+  EXPECT_EQ(surface().texCoords[1], vec2(0.0f));
+  scene.materials[0].emissiveTexture = {.image = 0, .set = 1};
+  const Surface s = surface();
+  EXPECT_NEAR(s.texCoords[0].x, 0.75f, 1e-4f);
+  EXPECT_NEAR(s.texCoords[1].x, 3.0f * 0.375f, 1e-4f);
+  EXPECT_NEAR(s.texCoords[1].y, -0.25f, 1e-4f);
+  expectNear(s.tangent, vec3(1, 0, 0));  // along the first set
+  expectNear(s.bitangent, vec3(0, 1, 0));
 }
 
 TEST(RayScene, MirroredPlacementsKeepTheFrontMergedAndInstanced) {
@@ -130,7 +148,7 @@ TEST(RayScene, MirroredPlacementsKeepTheFrontMergedAndInstanced) {
     expectNear(s.geometricNormal, vec3(0, 0, 1));
     expectNear(s.tangent, vec3(-1, 0, 0));
     expectNear(s.bitangent, vec3(0, 1, 0));
-    EXPECT_NEAR(s.texCoord.x, 0.25f, 1e-4f);
+    EXPECT_NEAR(s.texCoords[0].x, 0.25f, 1e-4f);
     EXPECT_EQ(s.object, 5u);
   }
 }

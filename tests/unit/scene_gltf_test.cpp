@@ -1,5 +1,6 @@
 #include <glm/gtc/matrix_transform.hpp>
 
+#include "src/scene/texture.h"
 #include "tests/unit/scene_helpers.h"
 
 namespace trex::test {
@@ -341,12 +342,57 @@ TEST_F(SceneGltf, TexturesCanBeLeftOut) {
 
 TEST_F(SceneGltf, SecondTextureCoordinateSet) {
   GlbBuilder b = texturedGlb(tinyPng(), "");
-  const int uv = b.floats({5, 5, 5, 5, 5, 5}, "VEC2");
-  b.doc["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_1"] = uv;
-  b.doc["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = 1;
-  EXPECT_EQ(import("a.glb", b.glb()).meshes[0].texCoords[0], vec2(5, 5));
-  b.doc["materials"][0]["normalTexture"] = {{"index", 0}, {"texCoord", 0}};
-  EXPECT_TRUE(anyWarning(import("a.glb", b.glb()), "coordinate sets"));
+  json& primitive = b.doc["meshes"][0]["primitives"][0];
+  primitive["attributes"]["TEXCOORD_1"] = b.floats({5, 5, 5, 7, 6, 5}, "VEC2");
+  json& material = b.doc["materials"][0];
+  material["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = 1;
+  const Scene one = import("a.glb", b.glb());
+  EXPECT_EQ(one.meshes[0].texCoords[0], vec2(5, 5));
+  EXPECT_TRUE(one.meshes[0].secondTexCoords.empty());
+  EXPECT_EQ(one.materials[0].baseColorTexture.set, 0);
+  // The set that the normal map reads comes first.
+  material["normalTexture"] = {{"index", 0}, {"texCoord", 0}};
+  const Scene two = import("a.glb", b.glb());
+  EXPECT_EQ(two.replaced.count, 0u);
+  EXPECT_EQ(two.meshes[0].texCoords[0], vec2(0, 0));
+  EXPECT_EQ(two.meshes[0].secondTexCoords[1], vec2(5, 7));
+  EXPECT_EQ(two.materials[0].normalTexture.set, 0);
+  EXPECT_EQ(two.materials[0].baseColorTexture.set, 1);
+  // A third one has no room, unless it is one of the others scaled and shifted.
+  primitive["attributes"]["TEXCOORD_4"] = b.floats({11, 10, 11, 14, 13, 10}, "VEC2");
+  material["emissiveFactor"] = {1, 1, 1};
+  material["emissiveTexture"] = {{"index", 0}, {"texCoord", 4}};
+  const Scene three = import("a.glb", b.glb());
+  EXPECT_EQ(three.replaced.count, 0u);
+  const Material& m = three.materials[three.meshes[0].material];
+  EXPECT_EQ(m.emissiveTexture.set, 1);
+  EXPECT_EQ(transformUv(m.emissiveTexture, vec2(5, 7)), vec2(11, 14));
+  primitive["attributes"]["TEXCOORD_4"] = b.floats({1, 0, 2, 5, 3, 1}, "VEC2");
+  const Scene odd = import("a.glb", b.glb());
+  EXPECT_TRUE(anyReplaced(odd, "coordinate sets 0, 1 and 4; set 0 is used for 4"));
+  EXPECT_EQ(odd.materials[odd.meshes[0].material].emissiveTexture.set, 0);
+}
+
+TEST_F(SceneGltf, ASetThatIsNotThereReadsTheTexelAtZero) {
+  GlbBuilder b = texturedGlb(tinyPng(), "");
+  json& material = b.doc["materials"][0];
+  material["emissiveFactor"] = {1, 1, 1};
+  material["emissiveTexture"] = {{"index", 0}, {"texCoord", 1}};
+  for (const bool first : {true, false}) {
+    material["pbrMetallicRoughness"]["baseColorTexture"]["texCoord"] = first ? 0 : 1;
+    material["emissiveTexture"]["texCoord"] = first ? 1 : 0;
+    const Scene s = import("a.glb", b.glb());
+    EXPECT_TRUE(anyReplaced(s, "there is no TEXCOORD_1; the texel at 0,0 is used"));
+    EXPECT_EQ(s.replaced.count, 1u);
+    ASSERT_EQ(s.meshes[0].texCoords.size(), 3u);
+    EXPECT_TRUE(s.meshes[0].secondTexCoords.empty());
+    const Material& m = s.materials[s.meshes[0].material];
+    const Texture& gone = first ? m.emissiveTexture : m.baseColorTexture;
+    const Texture& there = first ? m.baseColorTexture : m.emissiveTexture;
+    EXPECT_EQ(transformUv(gone, vec2(0.7f, 0.3f)), transformUv(gone, vec2(0.0f)));
+    EXPECT_NE(transformUv(there, vec2(0.7f, 0.3f)), transformUv(there, vec2(0.0f)));
+    EXPECT_TRUE(gone.set == 0 && there.set == 0);
+  }
 }
 
 TEST_F(SceneGltf, TextWithExternalAndEmbeddedBuffers) {

@@ -66,7 +66,7 @@ Mesh inMemory(const Soup& soup, int stepExponent) {
 }
 
 TEST(StreamBuild, TheSameTrianglesAsInMemory) {
-  Soup soup = randomSoup(30'000, 3.0f, 5);
+  Soup soup = withSecondSet(randomSoup(30'000, 3.0f, 5), 1.0f);
   Streamed s = stream(soup);
   EXPECT_GT(s.buckets, 1u);
   const Mesh whole = inMemory(soup, s.table.stepExponent);
@@ -79,11 +79,16 @@ TEST(StreamBuild, TheSameTrianglesAsInMemory) {
     if (streamed.count(a->first) > 1) continue;
     // Normals go through 32 bits twice; corners may start elsewhere.
     ASSERT_TRUE(a->second.hasNormals && a->second.hasTexCoords && a->second.hasColors);
+    ASSERT_TRUE(a->second.hasSecondTexCoords);
     glm::vec3 sumA(0.0f), sumB(0.0f);
     glm::vec4 colorA(0.0f), colorB(0.0f);
     for (int k = 0; k < 3; ++k) {
       sumA += a->second.normal[k], sumB += b->second.normal[k];
       colorA += a->second.color[k], colorB += b->second.color[k];
+      // Where the position is, by the corner.
+      const glm::vec2 uv = a->second.secondTexCoord[k];
+      ASSERT_LT(glm::length(uv - glm::vec2(a->second.position[k].y, a->second.position[k].x)),
+                1e-5f + 0x1p-15f);
     }
     ASSERT_LT(glm::length(sumA - sumB), 3e-4f);
     ASSERT_LT(glm::length(colorA - colorB), 1e-5f);

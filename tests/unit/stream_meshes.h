@@ -24,6 +24,7 @@ class SoupSource : public StreamSource {
         positions_.push_back(soup.positions[t[k]]);
         if (!soup.normals.empty()) normals_.push_back(soup.normals[t[k]]);
         if (!soup.texCoords.empty()) texCoords_.push_back(soup.texCoords[t[k]]);
+        if (!soup.secondTexCoords.empty()) secondTexCoords_.push_back(soup.secondTexCoords[t[k]]);
         if (!soup.colors.empty()) colors_.push_back(soup.colors[t[k]]);
       }
   }
@@ -42,7 +43,8 @@ class SoupSource : public StreamSource {
       const auto kind = static_cast<std::uint32_t>((first + i) / 10 % materials_);
       runs.push_back({kind, kind * 7, std::min<std::size_t>(10, count - i)});
     }
-    use({glm::dvec3(0.0), part(positions_), part(normals_), part(texCoords_), part(colors_), runs});
+    use({glm::dvec3(0.0), part(positions_), part(normals_), part(texCoords_), part(colors_),
+         part(secondTexCoords_), runs});
   }
 
  private:
@@ -50,7 +52,7 @@ class SoupSource : public StreamSource {
   std::size_t perBatch_;
   std::uint32_t materials_;
   std::vector<glm::vec3> positions_, normals_;
-  std::vector<glm::vec2> texCoords_;
+  std::vector<glm::vec2> texCoords_, secondTexCoords_;
   std::vector<glm::u8vec4> colors_;
 };
 
