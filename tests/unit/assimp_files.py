@@ -165,6 +165,32 @@ def dae(points, faces, color, unit=1.0, up="Y_UP", libraries="", nodes=""):
 <scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
 
 
+def dae_of_two_sets(points, first, second):
+    """Two triangles of four points: base.png by the first set, glow.png by the second."""
+    def source(name, rows, axes):
+        return (f'<source id="{name}"><float_array id="{name}a" count="{len(rows) * len(axes)}">{" ".join("%.9g" % c for r in rows for c in r)}'
+                f'</float_array><technique_common><accessor source="#{name}a" count="{len(rows)}" stride="{len(axes)}">' +
+                "".join(f'<param name="{axis}" type="float"/>' for axis in axes) + "</accessor></technique_common></source>")
+
+    def sampler(name):
+        return (f'<newparam sid="{name}-s"><surface type="2D"><init_from>{name}</init_from></surface></newparam>'
+                f'<newparam sid="{name}-p"><sampler2D><source>{name}-s</source></sampler2D></newparam>')
+    images = "".join(f'<image id="{n}"><init_from>{n}.png</init_from></image>' for n in ("base", "glow"))
+    binds = "".join(f'<bind_vertex_input semantic="CHANNEL{k}" input_semantic="TEXCOORD" input_set="{k}"/>' for k in (0, 1))
+    inputs = "".join(f'<input semantic="TEXCOORD" source="#t{k}" offset="0" set="{k}"/>' for k in (0, 1))
+    return f"""<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset><unit name="m" meter="1"/><up_axis>Y_UP</up_axis></asset>
+<library_images>{images}</library_images><library_effects><effect id="e"><profile_COMMON>{sampler("base")}{sampler("glow")}
+<technique sid="t"><lambert><emission><texture texture="glow-p" texcoord="CHANNEL1"/></emission>
+<diffuse><texture texture="base-p" texcoord="CHANNEL0"/></diffuse></lambert></technique></profile_COMMON></effect></library_effects>
+<library_materials><material id="paint"><instance_effect url="#e"/></material></library_materials><library_geometries><geometry id="mesh"><mesh>
+{source("p", points, "XYZ")}{source("t0", first, "ST")}{source("t1", second, "ST")}<vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+<triangles count="2" material="m"><input semantic="VERTEX" source="#v" offset="0"/>{inputs}<p>0 1 2 0 2 3</p></triangles></mesh></geometry></library_geometries>
+<library_visual_scenes><visual_scene id="s"><node id="n"><instance_geometry url="#mesh"><bind_material><technique_common>
+<instance_material symbol="m" target="#paint">{binds}</instance_material></technique_common></bind_material></instance_geometry></node></visual_scene>
+</library_visual_scenes><scene><instance_visual_scene url="#s"/></scene></COLLADA>"""
+
+
 def ds3(points, faces, color):
     def chunk(number, data):
         return struct.pack("<HI", number, 6 + len(data)) + data

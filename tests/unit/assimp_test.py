@@ -3,7 +3,7 @@
 files that break the process that reads them."""
 import argparse, json, math, os, shutil, signal, struct, subprocess, tempfile, threading, time, unittest, zlib
 
-import assimp_files as files
+import assimp_files as files, two_sets_test as sets
 
 TREX = None
 POINTS = [(0, 0, 0), (1, 0, 0), (1, 0, 1.5), (0, 0, 1.5), (0.25, 2, 0.5)]
@@ -127,6 +127,19 @@ class Assimp(unittest.TestCase):
         self.assertIn("tex ture.png", " ".join(s["path"] for s in self.info(model)["sources"]))
         self.write("t.mtl", "newmtl paint\nKd 1 1 1\nmap_Kd tex ture.png\nKe 0.5 0.25 0\n")
         self.assert_same(self.write("t.ac", ac.replace("emis 0 0 0", "emis 0.5 0.25 0")), reference)
+
+    def test_two_sets_of_texture_coordinates(self):
+        def turned_over(rows):
+            return [(u, 1 - v) for u, v in rows]
+        self.write("base.png", sets.png(sets.BASE))
+        self.write("glow.png", sets.png(sets.GLOW))
+        model = self.write("two.dae", files.dae_of_two_sets(sets.CORNERS, turned_over(sets.UPRIGHT), turned_over(sets.TURNED)))
+        material = {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0}, "emissiveFactor": [1, 1, 1],
+                    "emissiveTexture": {"index": 1, "texCoord": 1}}
+        glb = sets.Glb(material, [sets.BASE, sets.GLOW], {0: sets.UPRIGHT, 1: sets.TURNED})
+        glb.tree["scenes"] = [{"nodes": [0]}]
+        glb.tree["samplers"] = [{}]
+        self.assert_same(model, self.write("two.glb", glb.bytes()))
 
     def big(self, name="big.off", rows=700):
         """A file that takes assimp a second or two."""
