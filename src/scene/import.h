@@ -7,9 +7,9 @@
 // KHR_materials_{emissive_strength, specular, ior, transmission, volume, unlit,
 // pbrSpecularGlossiness, clearcoat, sheen, anisotropy, iridescence, variants},
 // KHR_texture_transform, KHR_mesh_quantization, EXT_texture_webp, EXT_mesh_gpu_instancing,
-// EXT_meshopt_compression, KHR_draco_mesh_compression. A second set of texture coordinates is shown
-// where it is the first one scaled and shifted. A required extension that is not in this list is an
-// error that names it, unless it only says how surfaces look; one that is only used is a warning.
+// EXT_meshopt_compression, KHR_draco_mesh_compression. Textures of a material read up to two sets
+// of coordinates. A required extension that is not in this list is an error that names it, unless
+// it only says how surfaces look; one that is only used is a warning.
 //
 // PLY: ASCII and binary of both byte orders; x y z (float or double), nx ny nz, (s t | u v |
 // texture_u texture_v), red green blue [alpha] of vertices or faces (integers are sRGB, floats
