@@ -46,6 +46,15 @@ glm::vec2 readTexCoord(const std::byte* at, bool floats, std::uint32_t vertex) {
   return least + scale * glm::vec2(readAs<glm::u16vec2>(at + 16u + 4u * vertex));
 }
 
+// Apart: few meshes have them.
+[[gnu::noinline]] void readSecondTexCoords(const std::byte* at, const layout::ClusterHeader& h,
+                                           const std::uint32_t (&corners)[3], Triangle& out) {
+  out.hasSecondTexCoords = true;
+  for (int k = 0; k < 3; ++k)
+    out.secondTexCoord[k] =
+        readTexCoord(at, (h.flags & layout::kFloatSecondTexCoords) != 0, corners[k]);
+}
+
 }  // namespace
 
 std::uint64_t Sizes::total() const {
@@ -175,7 +184,6 @@ Triangle Mesh::triangle(std::uint32_t cluster, std::uint32_t index) const {
   out.object = h.object;
   out.hasNormals = (h.flags & layout::kNormals) != 0;
   out.hasTexCoords = (h.flags & layout::kTexCoords) != 0;
-  out.hasSecondTexCoords = (h.flags & layout::kSecondTexCoords) != 0;
   out.hasColors = (h.flags & layout::kColors) != 0;
   std::uint32_t corners[3];
   corners_(b + layout::recordOffset(b, h, index / layout::kLeafSize), index % layout::kLeafSize,
@@ -190,14 +198,13 @@ Triangle Mesh::triangle(std::uint32_t cluster, std::uint32_t index) const {
     if (out.hasTexCoords)
       out.texCoord[corner] =
           readTexCoord(b + o.texCoords, (h.flags & layout::kFloatTexCoords) != 0, vertex);
-    if (out.hasSecondTexCoords)
-      out.secondTexCoord[corner] = readTexCoord(
-          b + o.secondTexCoords, (h.flags & layout::kFloatSecondTexCoords) != 0, vertex);
     out.color[corner] = glm::vec4(1.0f);
     if (out.hasColors)
       out.color[corner] =
           glm::vec4(readAs<glm::u8vec4>(b + o.colors + 4u * vertex)) * (1.0f / 255.0f);
   }
+  if (h.flags & layout::kSecondTexCoords) [[unlikely]]
+    readSecondTexCoords(b + o.secondTexCoords, h, corners, out);
   return out;
 }
 

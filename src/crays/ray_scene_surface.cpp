@@ -149,7 +149,8 @@ Surface makeSurface(const hccm::Triangle& triangle, const Placement& placement, 
     return weights.x * uv[0] + weights.y * uv[1] + weights.z * uv[2];
   };
   s.texCoords[0] = mix(triangle.texCoord);
-  if (triangle.hasSecondTexCoords) s.texCoords[1] = mix(triangle.secondTexCoord);
+  if (triangle.hasSecondTexCoords) [[unlikely]]
+    s.texCoords[1] = mix(triangle.secondTexCoord);
   if (triangle.hasTexCoords) tangents(e1, e2, triangle, shading, s);
   s.color = vec4(1.0f);
   if (triangle.hasColors) {
