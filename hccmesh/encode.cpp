@@ -46,9 +46,11 @@ class Welder {
     slots_.fill(kFree);
     vertices_.clear();
   }
+  /// Of keys that differ in their first bytes, if they do.
+  template <std::size_t kBytes>
   std::uint16_t add(const VertexKey& key) {
-    std::uint32_t words[sizeof(VertexKey) / 4];
-    std::memcpy(words, static_cast<const void*>(&key), sizeof(key));
+    std::uint32_t words[kBytes / 4];
+    std::memcpy(words, static_cast<const void*>(&key), kBytes);
     std::uint64_t hash = 0;
     for (std::uint32_t w : words) hash = (hash ^ w) * 0x9e3779b97f4a7c15ull, hash ^= hash >> 29;
     for (std::size_t slot = hash % kSlots;; slot = (slot + 1) % kSlots) {
@@ -57,7 +59,7 @@ class Welder {
         vertices_.push_back(key);
         return slots_[slot];
       }
-      if (std::memcmp(&vertices_[slots_[slot]], &key, sizeof(key)) == 0) return slots_[slot];
+      if (std::memcmp(&vertices_[slots_[slot]], &key, kBytes) == 0) return slots_[slot];
     }
   }
   std::size_t count() const { return vertices_.size(); }
@@ -306,7 +308,11 @@ class ClusterMaker {
 
   void run(const std::function<void(const ClusterInput&)>& take) {
     for (Range cluster; splitter_.nextCluster(cluster);) {
-      weld(cluster);
+      const Source& source = sources_[piece_[splitter_.triangles(cluster)[0]].source];
+      if (source.flags & layout::kSecondTexCoords)
+        weld<sizeof(VertexKey)>(cluster);
+      else
+        weld<offsetof(VertexKey, secondTexCoord)>(cluster);
       if (welder_.count() <= limits_.vertices && makeLeaves(cluster))
         take(in_);
       else
@@ -315,6 +321,7 @@ class ClusterMaker {
   }
 
  private:
+  template <std::size_t kKeyBytes>
   void weld(const Range& cluster) {
     welder_.clear();
     for (PieceSplitter::Index i : splitter_.triangles(cluster)) {
@@ -322,7 +329,7 @@ class ClusterMaker {
       const glm::uvec3 corners = source.corners(piece_[i].triangle);
       for (int k = 0; k < 3; ++k)
         corners_[i][static_cast<std::size_t>(k)] =
-            welder_.add(makeVertex(source, grid_, corners[k], corners));
+            welder_.add<kKeyBytes>(makeVertex(source, grid_, corners[k], corners));
     }
   }
 

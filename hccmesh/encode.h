@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cmath>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
@@ -52,9 +53,9 @@ struct VertexKey {
   std::uint32_t normal = 0;
   glm::vec2 texCoord{0.0f};
   glm::u8vec4 color{0};
-  glm::vec2 secondTexCoord{0.0f};
+  glm::vec2 secondTexCoord{0.0f};  ///< last: keys without it are told apart by what is before
 };
-static_assert(sizeof(VertexKey) == 36);
+static_assert(sizeof(VertexKey) == 36 && offsetof(VertexKey, secondTexCoord) == 28);
 
 /// A cluster before it is bytes.
 struct ClusterInput {

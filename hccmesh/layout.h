@@ -91,7 +91,8 @@ inline std::uint32_t texCoordBytes(const ClusterHeader& h, bool floats) {
   return floats ? 8u * h.vertices() : 16u + 4u * h.vertices();
 }
 
-inline Offsets offsetsOf(const ClusterHeader& h) {
+/// Inlined, so that a reader of one part works out no more than that needs.
+[[gnu::always_inline]] inline Offsets offsetsOf(const ClusterHeader& h) {
   Offsets o;
   o.boxes = sizeof(ClusterHeader);
   o.groupStarts = o.boxes + (h.leafCount > 1 ? 6u * h.leafCount : 0u);
