@@ -1,3 +1,5 @@
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -12,6 +14,52 @@ constexpr float kSameFacing = 0.7f;  // cosine of normals from which on photons 
 constexpr float kOffPlane = 0.3f;    // of the radius: farther off the tangent plane is another one
 constexpr float kWidest = 0.1f;      // of the scene's radius
 constexpr float kGrazing = 1e-3f;    // cosine
+
+/// Epanechnikov's, over a disk.
+float kernel(float distance2, float radius) {
+  const float square = radius * radius;
+  return 2.0f * kInvPi * std::max(0.0f, 1.0f - distance2 / square) / square;
+}
+
+/// Whether light of a photon may be taken at a point of a surface.
+bool sameSurface(const CausticPhoton& photon, const vec3& point, const vec3& normal, float radius) {
+  return std::abs(glm::dot(photon.normal, normal)) >= kSameFacing &&
+         std::abs(glm::dot(photon.position - point, normal)) <= kOffPlane * radius;
+}
+
+/// How much of a photon's kernel finds surfaces to be on, about: beyond an edge there are none, and
+/// what falls there would be lost. One point of the few is the photon's own.
+float shareOnSurfaces(const CausticPhoton& photon, float radius, const RayScene& rays,
+                      Sampler& sampler) {
+  constexpr int kPoints = 4, kLayers = 8;
+  const Basis basis(photon.normal);
+  const float height = 1.5f * kOffPlane * radius;
+  float sum = 1.0f;
+  for (int i = 0; i < kPoints; ++i) {
+    // Of the kernel's density: 1 - (1 - (r / radius)^2)^2 is uniform.
+    const vec2 u = sampler.next2D();
+    const float away = radius * std::sqrt(1.0f - std::sqrt(1.0f - u.x)), phi = 2.0f * kPi * u.y;
+    const vec3 aside = away * (std::cos(phi) * basis.tangent + std::sin(phi) * basis.bitangent);
+    const float side = glm::dot(photon.towards, photon.normal) < 0.0f ? -1.0f : 1.0f;
+    const vec3 up = side * photon.normal;
+    RayStart from = dvec3(photon.position + aside + height * up);
+    float left = 2.0f * height;
+    for (int layer = 0; layer < kLayers; ++layer) {
+      RayHit hit;
+      if (!rays.intersect(from, -up, 0.0f, left, hit)) break;
+      const Surface surface = rays.surface(hit);
+      const vec3 point(surface.position), off = point - photon.position;
+      if (sameSurface(photon, point, surface.geometricNormal, radius)) {
+        const float cosine = std::abs(glm::dot(surface.geometricNormal, photon.normal));
+        sum += kernel(glm::dot(off, off), radius) / (kernel(away * away, radius) * cosine);
+        break;
+      }
+      from = surface.leave();
+      left -= hit.t;
+    }
+  }
+  return sum / (kPoints + 1);
+}
 
 }  // namespace
 
@@ -49,12 +97,20 @@ std::uint32_t CausticWidths::level(const CausticPhoton& photon, vec2 u) const {
 }
 
 CausticMap::CausticMap(std::span<const CausticPhoton> photons, const CausticWidths& widths,
-                       float shrink) {
+                       float shrink, const RayScene& rays) {
+  constexpr std::size_t kChunk = 512;
+  std::vector<CausticPhoton> whole(photons.begin(), photons.end());
+  std::vector<std::uint32_t> levels(photons.size());
+  tbb::parallel_for(std::size_t{0}, (photons.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
+    for (std::size_t i = chunk * kChunk; i < std::min(photons.size(), (chunk + 1) * kChunk); ++i) {
+      Sampler sampler(0x73706f74u, static_cast<std::uint32_t>(i), 0);
+      levels[i] = widths.level(photons[i], sampler.next2D());
+      whole[i].power /=
+          shareOnSurfaces(photons[i], widths.radius(levels[i]) * shrink, rays, sampler);
+    }
+  });
   std::array<std::vector<CausticPhoton>, CausticWidths::kLevels> byLevel;
-  for (std::uint32_t i = 0; i < photons.size(); ++i) {
-    const CausticPhoton& p = photons[i];
-    byLevel[widths.level(p, Sampler(0x73706f74u, i, 0).next2D())].push_back(p);
-  }
+  for (std::size_t i = 0; i < whole.size(); ++i) byLevel[levels[i]].push_back(whole[i]);
   for (std::uint32_t level = 0; level < CausticWidths::kLevels; ++level) {
     if (byLevel[level].empty()) continue;
     grids_.emplace_back(std::move(byLevel[level]), widths.radius(level) * shrink);
@@ -122,16 +178,12 @@ vec3 CausticMap::radiance(const Surface& surface, const Bsdf& bsdf, bool sharpTo
   if (!sharpToo && !bsdf.hasBroad()) return sum;
   const vec3 at(surface.position), normal = bsdf.geometricNormal();
   for (const Grid& grid : grids_) {
-    const float square = grid.radius * grid.radius;
     grid.forNear(at, [&](const CausticPhoton& p, float distance2) {
-      if (std::abs(glm::dot(p.normal, normal)) < kSameFacing) return;
-      if (std::abs(glm::dot(p.position - at, normal)) > kOffPlane * grid.radius) return;
-      // Epanechnikov's kernel. Flux is by the surface's own area, what evaluate() takes by area
-      // across the light.
-      const float kernel = 2.0f * kInvPi * (1.0f - distance2 / square) / square;
+      if (!sameSurface(p, at, normal, grid.radius)) return;
+      // Flux is by the surface's own area, what evaluate() takes by area across the light.
       const float cosine = std::max(std::abs(glm::dot(p.towards, normal)), kGrazing);
       const LobeKind kind = sharpToo && !p.blurred ? LobeKind::kAll : LobeKind::kBroad;
-      sum += bsdf.evaluate(p.towards, kind) * p.power * (kernel / cosine);
+      sum += bsdf.evaluate(p.towards, kind) * p.power * (kernel(distance2, grid.radius) / cosine);
     });
   }
   return sum;

@@ -47,7 +47,7 @@ SampleCaustics CausticMaps::make(std::uint32_t sample) {
     for (CausticPhoton& p : photons) p.power /= static_cast<float>(count);
     shot_ += count;
     return std::make_unique<const CausticMap>(photons, *widths_,
-                                              static_cast<float>(std::sqrt(square)));
+                                              static_cast<float>(std::sqrt(square)), rays_);
   };
   return {sample, map(sample, photonsOfMap()), map(sample | kSparse, photonsOfMap() / kSparser)};
 }

@@ -57,8 +57,10 @@ class CausticWidths {
 /// Photons of one map, by place. Immutable, so thread safe.
 class CausticMap {
  public:
-  /// Each photon is spread over a disk of the width at its place times `shrink`.
-  CausticMap(std::span<const CausticPhoton> photons, const CausticWidths& widths, float shrink);
+  /// Each photon is spread over a disk of the width at its place times `shrink`, as far as there
+  /// are surfaces in it.
+  CausticMap(std::span<const CausticPhoton> photons, const CausticWidths& widths, float shrink,
+             const RayScene& rays);
   /// Radiance that leaves the surface towards the eye of the Bsdf by its broad lobes and, if asked
   /// for, by sharp ones of light that deltas alone have bent.
   vec3 radiance(const Surface& surface, const Bsdf& bsdf, bool sharpToo) const;

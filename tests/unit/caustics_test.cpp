@@ -214,6 +214,36 @@ TEST(Caustics, PhotonsAreAimedAtSmallMirrors) {
   EXPECT_NEAR(power / (5.0 * 4e-4 * 0.95 / (distance2 * std::sqrt(distance2))), 1.0, 0.05);
 }
 
+/// A tile half as wide as the photons' disks takes all of their light.
+TEST(Caustics, DisksEndWhereSurfacesDo) {
+  Scene scene;
+  scene.materials = {test::lambert(1.0f)};
+  constexpr float kHalf = 0.05f;
+  test::place(scene, test::sheet(kHalf, 0.0f, 0));
+  const RayScene rays(scene);
+  constexpr std::uint32_t kCount = 1024, kAcross = 16;
+  std::vector<CausticPhoton> photons;
+  const vec3 up(0.0f, 1.0f, 0.0f);
+  for (std::uint32_t i = 0; i < kCount; ++i) {
+    const vec2 u = Sampler(7, i, 0).next2D();
+    photons.push_back({kHalf * vec3(2.0f * u.x - 1.0f, 0.0f, 2.0f * u.y - 1.0f), up, up,
+                       vec3(1.0f / kCount), false});
+  }
+  const CausticWidths widths(photons, 1.0f, 1e9);  // the widest: 0.1 m
+  const CausticMap map(photons, widths, 1.0f, rays);
+  double flux = 0.0;
+  for (std::uint32_t i = 0; i < kAcross * kAcross; ++i) {
+    const vec2 at = (vec2(i % kAcross, i / kAcross) + 0.5f) * (2.0f / kAcross) - 1.0f;
+    RayHit hit;
+    ASSERT_TRUE(rays.intersect(vec3(kHalf * at.x, 1.0f, kHalf * at.y), -up, 0.0f, kInfinity, hit));
+    const Surface surface = rays.surface(hit);
+    const Bsdf bsdf(scene, surface, up);
+    flux += static_cast<double>(map.radiance(surface, bsdf, true).x) * kPi * 4.0 * kHalf * kHalf /
+            (kAcross * kAcross);
+  }
+  EXPECT_NEAR(flux, 1.0, 0.05);
+}
+
 TEST(Caustics, MapsDependOnNothingButTheirNumber) {
   Scene scene = floorFrom(0.3f, 0.0f, 1.0f);
   scene.materials.push_back(test::glass(true));
