@@ -6,6 +6,7 @@
 #include "src/core/error.h"
 #include "src/core/log.h"
 #include "src/core/memory.h"
+#include "src/crays/ray_scene.h"
 #include "src/frame/accumulator.h"
 #include "src/frame/denoise.h"
 #include "src/frame/features.h"
@@ -17,6 +18,7 @@ namespace {
 
 // Measured peaks, bytes, rounded up (docs/figures.md).
 constexpr std::uint64_t kBuildBytesATriangle = 48;  // of clusters, beside the source
+constexpr std::uint64_t kExpandedBytes = 48;        // a triangle of small meshes (RayScene)
 constexpr std::uint64_t kMeshBytesATriangle = 12;   // clusters and their hierarchy
 constexpr std::uint64_t kPlacedBytes = 24;          // a placed triangle while voxels are built
 constexpr std::uint64_t kVoxelCopies = 6;           // built; kept, on the device, flux and light
@@ -113,7 +115,8 @@ Preflight preflight(const Scene& scene, const RenderSettings& settings, const Pi
     logVerbose("memory: {:>10} {}", formatBytes(bytes), name);
   };
   const std::uint64_t here = residentBytes(), unique = scene.uniqueTriangleCount();
-  const std::uint64_t meshes = unique * kMeshBytesATriangle;
+  const std::uint64_t meshes = unique * kMeshBytesATriangle +
+                               std::min(unique, RayScene::kExpandedTriangles) * kExpandedBytes;
   const bool voxels = settings.exact < 1.0 && hasLight(scene);
   const bool device = voxels && settings.device != RenderSettings::kNoDevice;
   phase("now, with the source,", here);
