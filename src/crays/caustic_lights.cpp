@@ -271,14 +271,17 @@ void CausticLights::pilot(std::uint32_t round) {
   for (Source& source : sources_) source.guide.update();
 }
 
-std::vector<CausticPhoton> CausticLights::shoot(std::uint32_t map, std::uint32_t count) const {
+std::vector<CausticPhoton> CausticLights::shoot(std::uint32_t set, std::uint64_t first,
+                                                std::uint32_t count) const {
   if (!any_) return {};
+  const std::uint32_t seed =
+      hashCombine(hashCombine(seed_, set), static_cast<std::uint32_t>(first >> 32));
   const std::uint32_t chunks = (count + kCausticChunk - 1) / kCausticChunk;
   std::vector<std::vector<CausticPhoton>> landed(chunks);
   tbb::parallel_for(std::uint32_t{0}, chunks, [&](std::uint32_t chunk) {
     const std::uint32_t end = std::min(count, (chunk + 1) * kCausticChunk);
     for (std::uint32_t i = chunk * kCausticChunk; i < end; ++i) {
-      Sampler sampler(0x63617573u, i, hashCombine(seed_, map));
+      Sampler sampler(0x63617573u, static_cast<std::uint32_t>(first) + i, seed);
       const double choice = static_cast<double>(sampler.next1D()) * cumulative_.back();
       const auto at = std::upper_bound(cumulative_.begin() + 1, cumulative_.end() - 1, choice);
       const auto index = static_cast<std::size_t>(at - cumulative_.begin()) - 1;

@@ -10,9 +10,10 @@ namespace {
 // Photons of a map: a quarter of the pixels. Of all maps that are kept.
 constexpr std::uint64_t kFewestCaustics = 1u << 11, kMostCaustics = 1u << 15;
 constexpr std::uint64_t kKept = 1u << 19;
-constexpr std::uint32_t kSparse = 1u << 31, kSparser = 4;  // maps of later vertices
-constexpr double kShrink = 2.0 / 3.0;                      // alpha of [Knaus and Zwicker 2011]
-constexpr std::uint32_t kOfWidths = 0xffffffffu, kWidthPhotons = 1u << 14;  // no map's
+constexpr std::uint32_t kSparser = 4;                          // maps of later vertices
+constexpr double kShrink = 2.0 / 3.0;                          // alpha of [Knaus and Zwicker 2011]
+constexpr std::uint32_t kSeen = 0, kLater = 1, kOfWidths = 2;  // sets of photons
+constexpr std::uint32_t kWidthPhotons = 1u << 14;
 constexpr double kInWidth = 6.0, kLeastInWidth = 6.0;  // photons of the first map
 
 }  // namespace
@@ -30,7 +31,7 @@ std::uint32_t CausticMaps::photonsOfMap() const {
 
 void CausticMaps::start() {
   lights_ = std::make_unique<const CausticLights>(scene_, rays_, seed_);
-  const auto photons = lights_->shoot(kOfWidths, kWidthPhotons);
+  const auto photons = lights_->shoot(kOfWidths, 0, kWidthPhotons);
   shot_ += kWidthPhotons;
   const double share = static_cast<double>(kWidthPhotons) / photonsOfMap();
   widths_ = std::make_unique<const CausticWidths>(photons, lights_->sceneRadius(),
@@ -42,14 +43,14 @@ SampleCaustics CausticMaps::make(std::uint32_t sample) {
   const double s = sample + 1.0;
   const double square =
       std::exp(std::lgamma(s + kShrink) - std::lgamma(1.0 + kShrink) - std::lgamma(s + 1.0));
-  const auto map = [&](std::uint32_t number, std::uint32_t count) {
-    auto photons = lights_->shoot(number, count);
+  const auto map = [&](std::uint32_t set, std::uint32_t count) {
+    auto photons = lights_->shoot(set, std::uint64_t{sample} * count, count);
     for (CausticPhoton& p : photons) p.power /= static_cast<float>(count);
     shot_ += count;
     return std::make_unique<const CausticMap>(photons, *widths_,
                                               static_cast<float>(std::sqrt(square)), rays_);
   };
-  return {sample, map(sample, photonsOfMap()), map(sample | kSparse, photonsOfMap() / kSparser)};
+  return {sample, map(kSeen, photonsOfMap()), map(kLater, photonsOfMap() / kSparser)};
 }
 
 void CausticMaps::prepare(std::span<const std::uint32_t> samples) {

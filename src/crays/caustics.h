@@ -99,9 +99,10 @@ class CausticLights {
  public:
   /// Scene and rays must outlive it. Traces some 10^4 photons to find out where light is bent.
   CausticLights(const Scene& scene, const RayScene& rays, std::uint32_t seed);
-  /// Caustics of photons first .. first + count - 1 of a map; the same for any number of threads.
-  /// Power is not yet divided by a number of photons.
-  std::vector<CausticPhoton> shoot(std::uint32_t map, std::uint32_t count) const;
+  /// Caustics of photons first .. first + count - 1 of a set, which are spread evenly; the same for
+  /// any number of threads. Power is not yet divided by a number of photons.
+  std::vector<CausticPhoton> shoot(std::uint32_t set, std::uint64_t first,
+                                   std::uint32_t count) const;
   /// Whether any photon made a caustic so far.
   bool any() const { return any_; }
   /// Metres, of the sphere around the scene.

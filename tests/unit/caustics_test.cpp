@@ -206,7 +206,7 @@ TEST(Caustics, PhotonsAreAimedAtSmallMirrors) {
   scene.lights = {test::pointLight(dvec3(0.0, 1.0, 0.0), 5.0f)};
   const RayScene rays(scene);
   constexpr std::uint32_t kCount = 4096;
-  const auto photons = CausticLights(scene, rays, 0).shoot(0, kCount);
+  const auto photons = CausticLights(scene, rays, 0).shoot(0, 0, kCount);
   EXPECT_GT(photons.size(), kCount / 16);
   double power = 0.0;
   for (const CausticPhoton& p : photons) power += p.power.x / kCount;

@@ -78,9 +78,9 @@ TEST(Finish, MetalsReflectByTheirIndex) {
     }
   }
   Material smooth;
-  smooth.baseColor = vec4(0.5f, 0.5f, 0.5f, 1.0f);
   smooth.roughness = 0.0f;
   detail::setMetal({vec3(1.5f), vec3(2.0f)}, smooth);
+  smooth.baseColor = vec4(0.5f, 0.5f, 0.5f, 1.0f);  // takes its share
   for (const float cosine : {1.0f, 0.5f, 0.1f}) {
     EXPECT_NEAR(albedo(smooth, cosine),
                 0.5 * detail::fresnelReflectance(double(cosine), {1.5, 2.0}), 1e-4);
