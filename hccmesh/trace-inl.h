@@ -168,6 +168,20 @@ HWY_INLINE std::uint32_t endsOn(const PreparedRay& ray, std::uint32_t cluster, s
   return bitOf(ray.fromCluster, ray.fromTriangle) | bitOf(ray.toCluster, ray.toTriangle);
 }
 
+// What test() finds of a cluster, as far as the ray sees the cluster and it does not let rays pass.
+template <bool kAny, typename Test>
+HWY_INLINE bool testAsSeen(const layout::ClusterHeader& h, PreparedRay& ray, const Test& test) {
+  if (ray.hidden != nullptr && ray.hidden[h.object] != 0) return false;
+  if (!kAny || ray.passages == nullptr) return test();
+  const Passage passage = ray.passages->ofMaterial[h.material];
+  const bool passes = passage == Passage::kPasses;
+  if (passage == Passage::kAbsent || (passes && ray.passages->met)) return false;
+  const bool found = test();
+  if (!passes) return found;
+  ray.passages->met |= found;
+  return false;
+}
+
 // Below, a Leaf has the triangles for the second look: their `cluster`, the leaf's `number` in it,
 // `ends` as endsOn(), and readCorners(place, p), grid cells.
 

@@ -361,7 +361,6 @@ HWY_INLINE bool testLeaves(const std::byte* bytes, PreparedRay& ray, std::uint32
                            Hit& hit) {
   const std::uint8_t* blob = reinterpret_cast<const std::uint8_t*>(bytes);
   const layout::ClusterHeader& h = *reinterpret_cast<const layout::ClusterHeader*>(blob);
-  if (ray.hidden != nullptr && ray.hidden[h.object] != 0) return false;
   const std::uint32_t leaves = h.leafCount;
   const std::uint8_t* groupStarts = blob + sizeof(layout::ClusterHeader);
   if (leaves == 1) {
@@ -406,17 +405,8 @@ HWY_INLINE bool testLeaves(const std::byte* bytes, PreparedRay& ray, std::uint32
 template <bool kAny>
 HWY_INLINE bool testCluster(const std::byte* bytes, PreparedRay& ray, std::uint32_t cluster,
                             Hit& hit) {
-  bool passes = false;
-  if (kAny && ray.passages != nullptr) {
-    const auto& h = *reinterpret_cast<const layout::ClusterHeader*>(bytes);
-    const Passage passage = ray.passages->ofMaterial[h.material];
-    passes = passage == Passage::kPasses;
-    if (passage == Passage::kAbsent || (passes && ray.passages->met)) return false;
-  }
-  const bool found = testLeaves<kAny>(bytes, ray, cluster, hit);
-  if (!passes) return found;
-  ray.passages->met |= found;
-  return false;
+  const auto& h = *reinterpret_cast<const layout::ClusterHeader*>(bytes);
+  return testAsSeen<kAny>(h, ray, [&] { return testLeaves<kAny>(bytes, ray, cluster, hit); });
 }
 
 // Nearest first through the top level, down to triangles. Children wait on a stack with the

@@ -58,15 +58,7 @@ template <bool kAny>
 HWY_NOINLINE bool testSpecialLeaf(const MeshView& mesh, const ExpandedLeaf& leaf, PreparedRay& ray,
                                   Hit& hit) {
   const auto& h = *reinterpret_cast<const layout::ClusterHeader*>(mesh.blob(leaf.cluster));
-  if (ray.hidden != nullptr && ray.hidden[h.object] != 0) return false;
-  if (!kAny || ray.passages == nullptr) return testExpandedLeaf<kAny>(leaf, ray, hit);
-  const Passage passage = ray.passages->ofMaterial[h.material];
-  const bool passes = passage == Passage::kPasses;
-  if (passage == Passage::kAbsent || (passes && ray.passages->met)) return false;
-  const bool found = testExpandedLeaf<kAny>(leaf, ray, hit);
-  if (!passes) return found;
-  ray.passages->met |= found;
-  return false;
+  return testAsSeen<kAny>(h, ray, [&] { return testExpandedLeaf<kAny>(leaf, ray, hit); });
 }
 
 // The ray in the frame of boxes: a plane p is met at (p - origin) * inverse, less or more `widen`.
