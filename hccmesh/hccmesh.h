@@ -199,8 +199,8 @@ class Mesh {
   std::uint64_t topLevelBytes() const {
     return top_.bytes() + (expanded_ ? expanded_->bytes() : 0);
   }
-  /// Makes rays two to three times as fast, with the same bits, for about 48 bytes a triangle more.
-  /// Not while rays are traced.
+  /// Makes rays about twice as fast, with the same bits, for about 360 bytes a leaf more: 45 to 50
+  /// a triangle where leaves are full. Not while rays are traced.
   void expand();
   std::uint64_t triangleCount() const;
   std::uint64_t droppedTriangles() const;  ///< of the source

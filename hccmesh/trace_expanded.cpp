@@ -53,7 +53,7 @@ HWY_INLINE bool testExpandedLeaf(const ExpandedLeaf& leaf, PreparedRay& ray, Hit
   return found;
 }
 
-// As testLeaf, of a leaf that the ray may not see, or pass.
+// As testExpandedLeaf(), of a leaf that the ray may not see, or pass.
 template <bool kAny>
 HWY_NOINLINE bool testSpecialLeaf(const MeshView& mesh, const ExpandedLeaf& leaf, PreparedRay& ray,
                                   Hit& hit) {

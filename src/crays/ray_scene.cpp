@@ -334,16 +334,18 @@ void RayScene::Impl::attachInstance(std::size_t id) {
   check(top.device, "attaching an instance");
 }
 
-/// Meshes that are worth their memory twice, the smallest first.
+/// Meshes that are worth their memory twice, the smallest first. Leaves count, not triangles: those
+/// of small parts and large triangles are not full.
 void RayScene::Impl::expandSmall() {
   std::vector<hccm::Mesh*> meshes{&parts.world};
   for (hccm::Mesh& mesh : parts.shared) meshes.push_back(&mesh);
   std::ranges::stable_sort(meshes, {},
                            [](const hccm::Mesh* mesh) { return mesh->triangleCount(); });
-  std::uint64_t triangles = 0;
+  std::uint64_t leaves = 0;
   for (hccm::Mesh* mesh : meshes) {
-    triangles += mesh->triangleCount();
-    if (triangles > RayScene::kExpandedTriangles) break;
+    for (std::uint32_t i = 0; i < mesh->clusterCount() && leaves <= RayScene::kExpandedLeaves; ++i)
+      leaves += mesh->clusterLeafCount(i);
+    if (leaves > RayScene::kExpandedLeaves) break;
     mesh->expand();
   }
 }

@@ -101,9 +101,9 @@ struct Surface {
 class RayScene {
  public:
   static constexpr std::uint32_t kWorldMesh = 0xffffffffu;
-  /// Small meshes are kept expanded as well (hccm::Mesh::expand), up to this many triangles in all:
-  /// 48 MiB.
-  static constexpr std::uint64_t kExpandedTriangles = 1u << 20;
+  /// Small meshes are kept expanded as well (hccm::Mesh::expand), up to this many leaves in all,
+  /// of up to 8 triangles: about 48 MiB.
+  static constexpr std::uint64_t kExpandedLeaves = 1u << 17;
 
   struct Options {
     int precisionBits = 24;  ///< grid cells along the largest extent: 2^bits, 8..24

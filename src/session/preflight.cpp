@@ -116,7 +116,7 @@ Preflight preflight(const Scene& scene, const RenderSettings& settings, const Pi
   };
   const std::uint64_t here = residentBytes(), unique = scene.uniqueTriangleCount();
   const std::uint64_t meshes = unique * kMeshBytesATriangle +
-                               std::min(unique, RayScene::kExpandedTriangles) * kExpandedBytes;
+                               std::min(unique, 8 * RayScene::kExpandedLeaves) * kExpandedBytes;
   const bool voxels = settings.exact < 1.0 && hasLight(scene);
   const bool device = voxels && settings.device != RenderSettings::kNoDevice;
   phase("now, with the source,", here);

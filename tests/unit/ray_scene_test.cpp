@@ -248,6 +248,28 @@ TEST(RayScene, TriangleWithoutAreaHasAUnitNormal) {
     }
 }
 
+// Objects of a triangle each are leaves of a triangle each, which take most when expanded.
+TEST(RayScene, ExpandedCopiesAreBoundedInBytes) {
+  const auto topLevelBytes = [](std::uint64_t count) {
+    Scene scene;
+    scene.materials.resize(1);
+    for (std::uint64_t i = 0; i < count; ++i) {
+      const vec3 at(static_cast<float>(i % 400), 0.0f, static_cast<float>(i / 400));
+      Mesh mesh;
+      mesh.material = 0;
+      mesh.positions = {at, at + vec3(0.9f, 0.0f, 0.0f), at + vec3(0.0f, 0.0f, 0.9f)};
+      mesh.triangles = {{0, 1, 2}};
+      Instance instance;
+      instance.mesh = instance.object = static_cast<int>(i);
+      scene.meshes.push_back(std::move(mesh));
+      scene.instances.push_back(instance);
+    }
+    return RayScene(scene).statistics().topLevelBytes;
+  };
+  EXPECT_GT(topLevelBytes(1000), 320u * 1000u);
+  EXPECT_LT(topLevelBytes(RayScene::kExpandedLeaves + 1000), std::uint64_t{16} << 20);
+}
+
 TEST(RayScene, VertexNormalsAndColoursAreInterpolated) {
   Mesh m = quad();
   m.normals = {{0, 0, 1}, {0.6f, 0, 0.8f}, {0.6f, 0, 0.8f}, {0, 0, 1}};
