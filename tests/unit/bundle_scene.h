@@ -110,5 +110,6 @@ inline BakeFacts littleFacts(int depth = 3) {
 inline BundleContents readBuffer(const std::vector<std::byte>& bytes) {
   return readBundle(bytes, nullptr, "x.trex");
 }
+BundleContents readBuffer(std::vector<std::byte>&&) = delete;
 
 }  // namespace trex::test
