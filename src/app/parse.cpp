@@ -66,6 +66,12 @@ void addImportOptions(CLI::App& command, ImportOptions& options) {
           "--up", [&options](const std::string& axis) { options.zUp = axis == "z"; },
           "Axis that points up in a .ply, .obj or .stl: y or z [y]")
       ->check(CLI::IsMember({"y", "z"}));
+  command
+      .add_option(
+          "--point-size", options.pointSize,
+          "Show the points of a .ply without faces, that many metres across: squares across "
+          "their normals, or octahedra [they are refused]")
+      ->check(CLI::Range(1e-9, 1e9));
   command.add_option("--scene", options.scene, "Scene of a glTF: name or number [its default]");
   command.add_option("--variant", options.variant,
                      "Variant of a glTF's materials (KHR_materials_variants): name or number");

@@ -95,6 +95,7 @@ void refuseDefines(const std::filesystem::path& path, const ImportOptions& optio
 
 Scene readByExtension(const std::filesystem::path& path, const ImportOptions& options) {
   const std::string extension = lowerExtension(path);
+  detail::checkPointSize(path, options);
   if (extension == ".pbrt" && (options.unit != 1.0 || options.zUp)) {
     fail(ExitCode::kUsage,
          "{}: pbrt scenes have cameras and lights; --unit and --up are for bare models",
@@ -170,10 +171,16 @@ void place(Scene& scene, const dmat4& world, double scale) {
 
 }  // namespace
 
+void detail::checkPointSize(const std::filesystem::path& path, const ImportOptions& options) {
+  if (options.pointSize == 0.0 || lowerExtension(path) == ".ply") return;
+  fail(ExitCode::kUsage, "{}: --point-size is of .ply alone", path.string());
+}
+
 std::string ImportOptions::key() const {
   std::string text;
   if (unit != 1.0) text += fmt::format(" unit {}", unit);
   if (zUp) text += " z up";
+  if (pointSize > 0.0) text += fmt::format(" points of {}", pointSize);
   if (!scene.empty()) text += " scene " + scene;
   for (const std::string& define : defines) text += " -D " + define;
   if (!variant.empty()) text += " variant " + variant;

@@ -13,9 +13,9 @@
 //
 // PLY: ASCII and binary of both byte orders; x y z (float or double), nx ny nz, (s t | u v |
 // texture_u texture_v), red green blue [alpha] of vertices or faces (integers are sRGB, floats
-// linear), polygons, tristrips, `comment TextureFile` with coordinates of vertices or wedges.
-// OBJ: v (with colours), vt, vn, f with negative indices and such that come later, s, o, g, usemtl,
-// mtllib; see statements.h for its text and mtl.h for materials. STL: text and binary.
+// linear), polygons, tristrips, `comment TextureFile` with coordinates of vertices or wedges;
+// points. OBJ: v (with colours), vt, vn, f with negative indices and such that come later, s, o, g,
+// usemtl, mtllib; see statements.h for its text and mtl.h for materials. STL: text and binary.
 // Polygons: see polygon.h. PLY and OBJ count texture rows from the bottom; v is flipped on import.
 // A surface without a material is Lambertian grey, 0.6 (white if it has vertex colours); a glTF one
 // is the white rough metal that the standard asks for.
@@ -41,6 +41,9 @@ struct ImportOptions {
   /// file's units, and whether its z is up. Error(kUsage) with others.
   double unit = 1.0;
   bool zUp = false;
+  /// Of PLY, Error(kUsage) with others: metres across that a point of a cloud is shown; 0: clouds
+  /// are refused.
+  double pointSize = 0.0;
   /// Of glTF, Error(kUsage) with others: names or numbers of a scene, of a variant of materials
   /// (KHR_materials_variants), and of an animation with its moment; empty: the file's default scene
   /// and materials, and the rest pose.

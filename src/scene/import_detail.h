@@ -29,6 +29,8 @@ bool isAssimpExtension(const std::string& extension);
 /// Whether files of such a format tell their unit and what is up.
 bool knowsItsUnit(const std::string& extension);
 Scene readPly(const std::filesystem::path& path, const ImportOptions& options);
+/// Throws Error(kUsage) if points are to be shown of a file that has none.
+void checkPointSize(const std::filesystem::path& path, const ImportOptions& options);
 Scene readStl(const std::filesystem::path& path, const ImportOptions& options);
 Scene readPbrt(const std::filesystem::path& path, const ImportOptions& options);
 Scene readMitsuba(const std::filesystem::path& path, const ImportOptions& options);
@@ -64,7 +66,7 @@ Material defaultMaterial();
 void sanitiseMesh(Scene& scene, Mesh& mesh, const std::string& where);
 
 /// Tells that a file has points and nothing that joins them, if it has any.
-void tellPoints(Scene& scene, const std::string& file, std::uint64_t points);
+void tellPoints(Scene& scene, const std::string& file, std::uint64_t points, const char* instead);
 
 /// Furthest coordinate of anything in a scene, metres: squares of lengths stay in single precision.
 inline constexpr double kMaxCoordinate = 1e18;

@@ -340,7 +340,7 @@ void ObjReader::tellWhatIsLeftOut() {
   tell(smallFaces_, "faces with fewer than 3 corners are left out");
   tell(crossedFaces_, "faces cross themselves; fans of triangles are used");
   if (linesAndPoints_ + freeForms_ == 0 && !facesSeen_) {
-    tellPoints(scene_, file(), positions_.size());
+    tellPoints(scene_, file(), positions_.size(), "make a surface of them first");
   }
   leftOut_.tell(scene_, file());
 }

@@ -9,6 +9,7 @@
 #include "src/scene/import_detail.h"
 #include "src/scene/ply_rows.h"
 #include "src/scene/polygon.h"
+#include "src/scene/splats.h"
 #include "src/scene/texture_file.h"
 
 namespace trex::detail {
@@ -305,14 +306,38 @@ class PlyReader {
     scene_.instances.push_back(std::move(instance));
   }
 
+  void finishCloud() {
+    const std::size_t points = mesh_.positions.size();
+    if (!(options_.pointSize > 0.0)) {
+      return tellPoints(scene_, file_.name(), points, "--point-size METRES shows them");
+    }
+    const Splats splats(options_.pointSize / options_.unit, !mesh_.normals.empty());
+    if (points > kMaxElements / splats.corners()) file_.bad("too many points");
+    Mesh made;
+    for (std::size_t i = 0; i < points; ++i) {
+      const auto corners = splats.around(mesh_.normals.empty() ? vec3(0.0f) : mesh_.normals[i]);
+      const auto first = static_cast<std::uint32_t>(made.positions.size());
+      for (const glm::uvec3& t : splats.triangles()) made.triangles.push_back(first + t);
+      for (std::uint32_t c = 0; c < splats.corners(); ++c) {
+        made.positions.push_back(mesh_.positions[i] + corners[c]);
+        if (!mesh_.colors.empty()) made.colors.push_back(mesh_.colors[i]);
+      }
+    }
+    mesh_ = std::move(made);
+    scene_.warnings.push_back(
+        fmt::format("{}: {}", file_.name(), splats.describe(points, options_.pointSize)));
+  }
+
   Scene finish() {
     scene_.objects.push_back(path_.stem().string());
     if (file_.badNumbers() > 0) {
       replace(file_.badNumbers(), "{} is not a number; not-a-number is used",
               file_.firstBadNumber());
     }
-    if (mesh_.triangles.empty() && parts_.empty()) {
-      tellPoints(scene_, file_.name(), mesh_.positions.size());
+    if (mesh_.triangles.empty() && parts_.empty() && !mesh_.positions.empty()) {
+      finishCloud();
+    } else if (options_.pointSize > 0.0) {
+      scene_.warnings.push_back(file_.name() + Splats::kNoCloud);
     }
     for (auto& [texture, part] : parts_) {
       if (!part.triangles.empty()) add(meshOf(part), texture);

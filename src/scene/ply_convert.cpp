@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 
 #include "src/scene/import_detail.h"
@@ -34,6 +35,17 @@ bool fits(const PlyFile& file) {
   return row.has[kX] && row.has[kY] && row.has[kZ] && !row.texCoords() && !face.row.colors() &&
          face.indices != PlyFaceRow::kAbsent && face.texCoords == PlyFaceRow::kAbsent &&
          isInteger(elements[1].properties[face.indices].type);
+}
+
+/// Whether vertices come first and nothing makes triangles of them.
+bool isCloud(const PlyFile& file) {
+  const auto& elements = file.elements();
+  if (elements.empty() || elements[0].name != "vertex" || elements[0].count == 0) return false;
+  const PlyRow row(elements[0]);
+  return row.has[kX] && row.has[kY] && row.has[kZ] &&
+         std::none_of(elements.begin() + 1, elements.end(), [](const PlyElement& e) {
+           return e.count > 0 && (e.name == "face" || e.name == "tristrips");
+         });
 }
 
 template <typename T>
@@ -78,20 +90,30 @@ void convertFaces(PlyFile& file, const PlyElement& element, GrowingArray<std::ui
 
 }  // namespace
 
-bool convertPly(const std::filesystem::path& path, Scene& scene, PlyLayout& layout,
+bool convertPly(const std::filesystem::path& path, bool clouds, Scene& scene, PlyLayout& layout,
                 GrowingArray<std::uint8_t>& out) {
   PlyFile file(path);
-  if (!fits(file)) return false;
-  const PlyElement &vertices = file.elements()[0], &faces = file.elements()[1];
+  const bool cloud = clouds && isCloud(file);
+  if (!cloud && !fits(file)) return false;
+  const PlyElement& vertices = file.elements()[0];
   PlyRow row(vertices);
   layout = layoutOf(row);
   layout.vertices = vertices.count;
-  layout.faces = faces.count;
+  layout.cloud = cloud;
   file.checkCount(vertices);
   convertVertices(file, row, layout, vertices.count, out);
   tellBright(scene, file.name(), row);
-  file.checkCount(faces);
-  convertFaces(file, faces, out);
+  for (std::size_t i = 1; cloud && i < file.elements().size(); ++i) {
+    const PlyElement& other = file.elements()[i];
+    if (other.count == 0) continue;
+    scene.warnings.push_back(fmt::format("{}: element {} is left out", file.name(), other.name));
+  }
+  if (!cloud) {
+    const PlyElement& faces = file.elements()[1];
+    layout.faces = faces.count;
+    file.checkCount(faces);
+    convertFaces(file, faces, out);
+  }
   if (file.badNumbers() > 0) {
     scene.replaced.add(fmt::format("{}: {} is not a number; not-a-number is used", file.name(),
                                    file.firstBadNumber()),

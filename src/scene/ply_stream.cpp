@@ -5,12 +5,14 @@
 #include <bit>
 #include <cstring>
 #include <fstream>
+#include <optional>
 #include <sstream>
 
 #include "src/scene/import_detail.h"
 #include "src/scene/mapped_file.h"
 #include "src/scene/ply_layout.h"
 #include "src/scene/polygon.h"
+#include "src/scene/splats.h"
 #include "src/scene/streamed.h"
 
 namespace trex::detail {
@@ -54,8 +56,9 @@ std::size_t sizeOfType(const std::string& type) {
 }
 
 /// False for anything but little endian bytes, x y z and normals of floats, colours of bytes, no
-/// texture coordinates, and faces of nothing but a list of u8 and 32-bit integers.
-bool readLayout(const std::filesystem::path& path, PlyLayout& out) {
+/// texture coordinates, and faces of nothing but a list of u8 and 32-bit integers; or, with
+/// `clouds`, no faces.
+bool readLayout(const std::filesystem::path& path, bool clouds, PlyLayout& out) {
   std::ifstream in(path, std::ios::binary);
   std::string line, section;
   int found[4] = {}, lists = 0;  // coordinates, of normals, channels, alpha
@@ -89,7 +92,8 @@ bool readLayout(const std::filesystem::path& path, PlyLayout& out) {
     }
     if (word == "end_header") {
       const auto at = in.tellg();
-      if (!binary || found[0] != 3 || lists != 1 || at < 0) return false;
+      out.cloud = clouds && out.vertices > 0 && out.faces == 0;
+      if (!binary || found[0] != 3 || (lists != 1 && !out.cloud) || at < 0) return false;
       out.normals = found[1] == 3, out.colors = found[2] == 3, out.alpha = found[3] == 1;
       out.vertexStart = static_cast<std::size_t>(at);
       return true;
@@ -109,7 +113,11 @@ class PlyStream : public TriangleStream {
         placed_(options),
         scene_(std::move(scene)) {
     if (converted_.empty()) map_ = std::make_unique<MappedFile>(path);
+    if (layout_.cloud) splats_.emplace(options.pointSize, layout_.normals);
     beginStreamed(scene_, path);
+    if (options.pointSize > 0.0 && !splats_) {
+      scene_.warnings.push_back(scene_.source + Splats::kNoCloud);
+    }
     measure();
     scene_.materials.push_back(defaultMaterial());
     if (layout_.colors) scene_.materials[0].baseColor = vec4(1.0f);
@@ -124,13 +132,27 @@ class PlyStream : public TriangleStream {
   std::uint64_t batchCount() const override { return starts_.size(); }
   std::string key() const override { return streamKey(scene_, options_); }
   StreamAttributes attributes() const override {
-    return {.normals = layout_.normals, .texCoords = false, .colors = layout_.colors};
+    return {.normals = layout_.normals && !splats_, .texCoords = false, .colors = layout_.colors};
   }
   std::uint64_t residentBytes() const override { return starts_.size() * sizeof(Start); }
 
   void batch(std::uint64_t number, TriangleBatch& out) const override {
     out.clear();
     out.origin = bounds_.empty() ? dvec3(0.0) : bounds_.centre();
+    splats_ ? addPoints(number, out) : addFaces(number, out);
+    out.runs.push_back({0, 0, out.triangles()});
+    if (++reads_ % kForget == 0) forget();
+  }
+
+ private:
+  static constexpr std::uint64_t kTriangles = 1u << 14;  ///< of a batch, the last face's apart
+  static constexpr std::uint64_t kForget = 64;  ///< batches between two of MappedFile::forget()
+  struct Start {
+    std::size_t byte;
+    std::uint64_t face;
+  };
+
+  void addFaces(std::uint64_t number, TriangleBatch& out) const {
     std::size_t at = starts_[number].byte;
     const std::uint64_t end =
         number + 1 < starts_.size() ? starts_[number + 1].face : layout_.faces;
@@ -149,17 +171,30 @@ class PlyStream : public TriangleStream {
       }
       at += layout_.countBytes + 4ull * corners;
     }
-    out.runs.push_back({0, 0, out.triangles()});
-    if (++reads_ % kForget == 0) forget();
   }
 
- private:
-  static constexpr std::uint64_t kTriangles = 1u << 14;  ///< of a batch, the last face's apart
-  static constexpr std::uint64_t kForget = 64;  ///< batches between two of MappedFile::forget()
-  struct Start {
-    std::size_t byte;
-    std::uint64_t face;
-  };
+  /// From a point to the corners of its splat.
+  std::array<vec3, 6> cornersOfSplat(std::uint64_t point) const {
+    auto corners =
+        splats_->around(layout_.normals ? floats(vertexAt(point), layout_.normal) : vec3(0.0f));
+    for (vec3& c : corners) c = placed_.direction(c);
+    return corners;
+  }
+  std::uint64_t pointsOfBatch() const { return kTriangles / splats_->triangles().size(); }
+  void addPoints(std::uint64_t number, TriangleBatch& out) const {
+    const std::uint64_t first = number * pointsOfBatch();
+    const std::uint64_t end = std::min(first + pointsOfBatch(), layout_.vertices);
+    for (std::uint64_t point = first; point < end; ++point) {
+      const dvec3 centre = position(point) - out.origin;
+      const auto corners = cornersOfSplat(point);
+      for (const glm::uvec3& t : splats_->triangles()) {
+        for (int k = 0; k < 3; ++k) {
+          out.positions.push_back(vec3(centre + dvec3(corners[t[k]])));
+          if (layout_.colors) out.colors.push_back(color(vertexAt(point)));
+        }
+      }
+    }
+  }
 
   const std::uint8_t* data() const { return map_ ? map_->data() : converted_.data(); }
   std::size_t size() const { return map_ ? map_->size() : converted_.size(); }
@@ -218,11 +253,16 @@ class PlyStream : public TriangleStream {
     if (layout_.vertices > (bytes - layout_.vertexStart) / layout_.stride) cut();
     Box3d box;
     for (std::uint64_t v = 0; v < layout_.vertices; ++v) {
-      const dvec3 p = position(v);
-      if (isFinite(vec3(p))) box.extend(p);
       if (v % (std::uint64_t{1} << 20) == 0) forget();
+      const dvec3 p = position(v);
+      if (!isFinite(vec3(p))) continue;
+      box.extend(p);
+      if (splats_) {
+        for (const vec3& c : cornersOfSplat(v)) box.extend(p + dvec3(c));
+      }
     }
     bounds_ = box;
+    if (splats_) return measureSplats();
     std::uint64_t inBatch = 0, badFaces = 0, firstBad = 0, smallFaces = 0;
     std::size_t at = layout_.vertexStart + layout_.vertices * layout_.stride;
     for (std::uint64_t face = 0; face < layout_.faces; ++face) {
@@ -256,6 +296,14 @@ class PlyStream : public TriangleStream {
         badFaces);
   }
 
+  void measureSplats() {
+    forget();
+    triangles_ = layout_.vertices * splats_->triangles().size();
+    starts_.resize((layout_.vertices + pointsOfBatch() - 1) / pointsOfBatch());
+    scene_.warnings.push_back(fmt::format("{}: {}", scene_.source,
+                                          splats_->describe(layout_.vertices, options_.pointSize)));
+  }
+
   std::unique_ptr<MappedFile> map_;
   GrowingArray<std::uint8_t> converted_;
   PlyLayout layout_;
@@ -265,6 +313,7 @@ class PlyStream : public TriangleStream {
   Box3d bounds_;
   std::uint64_t triangles_ = 0;
   std::vector<Start> starts_;
+  std::optional<Splats> splats_;  ///< of a cloud
   mutable std::atomic<std::uint64_t> reads_{0};
 };
 
@@ -277,9 +326,10 @@ std::unique_ptr<TriangleStream> openPlyStream(const std::filesystem::path& path,
   if (path.extension() != ".ply" || !std::filesystem::is_regular_file(path)) return nullptr;
   Scene scene;
   GrowingArray<std::uint8_t> converted(scratchFolder(options));
-  if (!readLayout(path, layout)) {
+  const bool clouds = options.pointSize > 0.0;
+  if (!readLayout(path, clouds, layout)) {
     layout = {};
-    if (!convertPly(path, scene, layout, converted)) return nullptr;
+    if (!convertPly(path, clouds, scene, layout, converted)) return nullptr;
   }
   return std::make_unique<PlyStream>(path, layout, std::move(converted), std::move(scene), options);
 }

@@ -157,12 +157,11 @@ void removeEmptyMeshes(Scene& scene) {
   for (Instance& instance : scene.instances) instance.mesh = newIndex[instance.mesh];
 }
 
-void tellPoints(Scene& scene, const std::string& file, std::uint64_t points) {
+void tellPoints(Scene& scene, const std::string& file, std::uint64_t points, const char* instead) {
   if (points == 0) return;
-  scene.replaced.add(fmt::format(
-      "{}: it is a cloud of {} points without faces, which are not drawn; make a surface of them "
-      "first",
-      file, points));
+  scene.replaced.add(
+      fmt::format("{}: it is a cloud of {} points without faces, which are not drawn; {}", file,
+                  points, instead));
 }
 
 }  // namespace trex::detail

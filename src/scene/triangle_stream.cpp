@@ -160,6 +160,7 @@ Scene sceneOfStream(const TriangleStream& stream) {
 std::unique_ptr<TriangleStream> openTriangleStream(const std::filesystem::path& path,
                                                    const ImportOptions& options) {
   if (isSynthName(path.string())) return openSynth(path.string());
+  detail::checkPointSize(path, options);
   if (auto stream = detail::openPlyStream(path, options)) return stream;
   if (auto stream = detail::openStlStream(path, options)) return stream;
   if (auto stream = detail::openObjStream(path, options)) return stream;

@@ -64,10 +64,10 @@ class TriangleStream {
 };
 
 /// Opens a model as a stream: synth: names are generated; binary PLY and STL files are mapped; OBJ
-/// and other PLY files are read once, into temporary files (ImportOptions::scratch) that are
-/// mapped; PLY files with texture coordinates, colours of faces or strips and all other formats are
-/// imported whole. Throws Error as importScene() does, kOutput if a temporary file can't be
-/// written.
+/// and other PLY files, clouds of points among them, are read once, into temporary files
+/// (ImportOptions::scratch) that are mapped; PLY files with texture coordinates, colours of faces
+/// or strips and all other formats are imported whole. Throws Error as importScene() does, kOutput
+/// if a temporary file can't be written.
 std::unique_ptr<TriangleStream> openTriangleStream(const std::filesystem::path& path,
                                                    const ImportOptions& options = {});
 

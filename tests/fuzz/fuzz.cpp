@@ -100,10 +100,10 @@ void importAndCheck(const std::filesystem::path& path, const std::string& animat
   checkScene(scene);
 }
 
-void streamAndCheck(const std::filesystem::path& path) {
+void streamAndCheck(const std::filesystem::path& path, double pointSize) {
   setLogLevel(LogLevel::kQuiet);
   try {
-    const auto stream = openTriangleStream(path, {.loadTextures = false});
+    const auto stream = openTriangleStream(path, {.loadTextures = false, .pointSize = pointSize});
     const Scene& scene = stream->scene();
     TriangleBatch batch;
     std::uint64_t triangles = 0;

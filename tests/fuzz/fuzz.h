@@ -37,8 +37,9 @@ std::filesystem::path writeInput(const std::string& name, Bytes bytes);
 /// `animation` of glTF too.
 void importAndCheck(const std::filesystem::path& path, const std::string& animation = {});
 
-/// Streams a model and checks what TriangleStream promises; Error is expected.
-void streamAndCheck(const std::filesystem::path& path);
+/// Streams a model and checks what TriangleStream promises; Error is expected. With a size, points
+/// of PLY clouds are shown.
+void streamAndCheck(const std::filesystem::path& path, double pointSize = 0.0);
 
 /// Splits an input in two at the first line `separator`; the second part is empty without one.
 std::pair<Bytes, Bytes> split(Bytes bytes, std::string_view separator);

@@ -5,5 +5,6 @@ int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const auto path = trex::fuzz::writeInput("input.ply", {data, size});
   trex::fuzz::importAndCheck(path);
   trex::fuzz::streamAndCheck(path);
+  trex::fuzz::streamAndCheck(path, 0.25);
   return 0;
 }

@@ -356,7 +356,68 @@ TEST_F(SceneExporters, PlyPointsAreNamed) {
     } catch (const Error& e) {
       EXPECT_EQ(e.code(), ExitCode::kInput);
       EXPECT_NE(std::string(e.what()).find("cloud of 4 points"), std::string::npos) << e.what();
+      EXPECT_NE(std::string(e.what()).find("--point-size METRES"), std::string::npos) << e.what();
     }
+  }
+}
+
+/// Six times the volume that the triangles enclose if they face outwards.
+double volumeOf(const Mesh& m) {
+  double sum = 0.0;
+  for (const glm::uvec3& t : m.triangles) {
+    sum += glm::dot(dvec3(m.positions[t.x]),
+                    glm::cross(dvec3(m.positions[t.y]), dvec3(m.positions[t.z])));
+  }
+  return sum;
+}
+
+TEST_F(SceneExporters, PlyPointsAsOctahedra) {
+  for (const std::string& faces :
+       {std::string(), std::string("element face 0\nproperty list uchar int vertex_indices\n")}) {
+    const Scene s = import("a.ply", plyOf(kSquare + faces, kCorners), {.pointSize = 0.25});
+    const Mesh& m = s.meshes[0];
+    EXPECT_EQ(m.triangles.size(), 4u * 8u);
+    EXPECT_EQ(m.positions.size(), 4u * 6u);
+    EXPECT_EQ(s.bounds().lower, dvec3(-0.125));
+    EXPECT_EQ(s.bounds().upper, dvec3(1.125, 1.125, 0.125));
+    EXPECT_NEAR(volumeOf(m), 6.0 * 4.0 * 0.25 * 0.25 * 0.25 / 6.0, 1e-6);
+    EXPECT_TRUE(
+        anyWarning(s, "4 points are shown as octahedra of 8 triangles each, 0.25 m across"));
+    EXPECT_EQ(s.replaced.count, 0u);
+  }
+}
+
+TEST_F(SceneExporters, PlyPointsWithNormalsAsSquares) {
+  const std::string head =
+      "element vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty float nx\n"
+      "property float ny\nproperty float nz\nproperty uchar red\nproperty uchar green\n"
+      "property uchar blue\n";
+  const std::string rows = "0 0 0 0 0 2 255 0 0\n5 0 0 1 0 0 0 255 0\n0 0 9 0 0 0 0 0 255\n";
+  const Scene s = import("a.ply", plyOf(head, rows), {.unit = 0.5, .pointSize = 0.25});
+  const Mesh& m = s.meshes[0];
+  ASSERT_EQ(m.triangles.size(), 3u * 2u);
+  EXPECT_EQ(m.colors[4], glm::u8vec4(0, 255, 0, 255));
+  const vec3 wanted[] = {{0, 0, 1}, {1, 0, 0}, {0, 1, 0}};  // nothing is said: up
+  for (std::size_t t = 0; t < 6; ++t) {
+    const glm::uvec3 c = m.triangles[t];
+    const vec3 across =
+        glm::cross(m.positions[c.y] - m.positions[c.x], m.positions[c.z] - m.positions[c.x]);
+    // Half a metre is one of the file's units.
+    EXPECT_LT(glm::length(across - wanted[t / 2] * 0.25f), 1e-6f) << t;
+  }
+}
+
+TEST_F(SceneExporters, PointSizesAreOfCloudsAlone) {
+  const std::string face = "element face 1\nproperty list uchar int vertex_indices\n";
+  const Scene s =
+      import("a.ply", plyOf(kSquare + face, kCorners + "3 0 1 2\n"), {.pointSize = 0.25});
+  EXPECT_EQ(s.triangleCount(), 1u);
+  EXPECT_TRUE(anyWarning(s, "points are not shown"));
+  try {
+    import("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", {.pointSize = 0.25});
+    ADD_FAILURE();
+  } catch (const Error& e) {
+    EXPECT_EQ(e.code(), ExitCode::kUsage);
   }
 }
 

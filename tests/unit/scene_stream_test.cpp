@@ -130,6 +130,32 @@ TEST_F(SceneStreams, PlyOfText) {
   expectSame(folder_ / "t.ply", {.unit = 0.5, .zUp = true});
 }
 
+TEST_F(SceneStreams, PlyCloudsOfPoints) {
+  const std::string vertex =
+      "element vertex 3\nproperty float x\nproperty float y\nproperty float z\n";
+  const std::string colors =
+      "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty uchar alpha\n";
+  const ImportOptions options{.unit = 0.5, .zUp = true, .pointSize = 0.5};
+  // Text, octahedra; one of them nowhere.
+  const auto text = expectSame(
+      write("t.ply", "ply\nformat ascii 1.0\n" + vertex + colors +
+                         "element camera 1\nproperty "
+                         "float x\nend_header\n0 0 0 1 2 3 4\n1 2 3 5 6 7 8\nnan 0 0 9 9 9 9\n7\n"),
+      options);
+  EXPECT_EQ(text->triangleCount(), 3u * 8u);
+  EXPECT_TRUE(text->attributes().colors && !text->attributes().normals);
+  // Binary, which is mapped: squares.
+  std::string bytes = "ply\nformat binary_little_endian 1.0\n" + vertex +
+                      "property float nx\nproperty float ny\nproperty float nz\nend_header\n";
+  bytes += bytesOf(std::vector<float>{0, 0, 0, 0, 0, 1, 4, 0, 0, 0.6f, 0.8f, 0, 0, 4, 0, 0, 0, 0});
+  const auto mapped = expectSame(write("b.ply", bytes), options);
+  EXPECT_EQ(mapped->triangleCount(), 3u * 2u);
+  EXPECT_FALSE(mapped->attributes().normals);
+  bytes.pop_back();
+  EXPECT_THROW(openTriangleStream(write("cut.ply", bytes), options), Error);
+  EXPECT_THROW(openTriangleStream(write("m.obj", "v 0 0 0\n"), options), Error);
+}
+
 TEST_F(SceneStreams, PlyOfTheOtherByteOrder) {
   std::string bytes =
       "ply\nformat binary_big_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
