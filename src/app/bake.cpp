@@ -223,8 +223,9 @@ std::uint64_t allowedMemory(const BakeArguments& a) {
 bool wantsStream(const BakeArguments& a) {
   if (a.stream || a.resume) return true;
   // Per triangle: arrays, and what the build holds beside them (preflight.cpp). A byte of a binary
-  // file of positions becomes about six.
-  constexpr std::uint64_t kSynthBytes = 48 + 48 + 12, kFileBytes = 6;
+  // file of positions becomes about six, one of points in eight triangles each about sixty.
+  constexpr std::uint64_t kSynthBytes = 48 + 48 + 12;
+  const std::uint64_t fileBytes = a.import.pointSize > 0.0 ? 60 : 6;
   if (isSynthName(a.input)) {
     const std::uint64_t triangles = parseSynthName(a.input).triangles;
     constexpr std::uint64_t kMostInMemory = 2'000'000;
@@ -232,7 +233,7 @@ bool wantsStream(const BakeArguments& a) {
   }
   std::error_code error;
   const std::uintmax_t bytes = fs::file_size(a.input, error);
-  return !error && bytes * kFileBytes > allowedMemory(a);
+  return !error && bytes * fileBytes > allowedMemory(a);
 }
 
 void announce(const BakeArguments& a, const StreamEstimate& e, std::uint64_t triangles) {
@@ -285,6 +286,7 @@ void bakeStreamed(const BakeArguments& a) {
   options.precisionBits = a.precision;
   options.voxelDepth = a.noVoxels ? 0 : a.depth;
   options.resume = a.resume;
+  options.maxBounces = a.import.maxBounces;
   BakeFacts facts;
   facts.input = a.input;
   facts.precisionBits = a.precision;

@@ -26,8 +26,9 @@ struct StreamBakeOptions {
   int precisionBits = 24;
   int voxelDepth = 8;  ///< 0: no voxels
   bool resume = false;
-  std::optional<Environment> environment;  ///< instead of the stream's
-  std::vector<Medium> media;               ///< besides the stream's
+  std::optional<Environment> environment;   ///< instead of the stream's
+  std::optional<std::uint32_t> maxBounces;  ///< Scene::maxBounces instead of the stream's
+  std::vector<Medium> media;                ///< besides the stream's
   /// Called now and then with a name and a share of what is under way; false stops the bake with
   /// Error(kInterrupted), keeping what was done for `resume`.
   std::function<bool(const char*, double)> keepGoing = [](const char*, double) { return true; };

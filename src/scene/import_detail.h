@@ -65,6 +65,9 @@ Material defaultMaterial();
 /// an index is out of range; `where` names the file and the mesh.
 void sanitiseMesh(Scene& scene, Mesh& mesh, const std::string& where);
 
+/// Bytes that this process may still use of `maxMemory` (0: of what the machine has).
+std::uint64_t leftBytes(std::uint64_t maxMemory);
+
 /// Tells that a file has points and nothing that joins them, if it has any.
 void tellPoints(Scene& scene, const std::string& file, std::uint64_t points, const char* instead);
 

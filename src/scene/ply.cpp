@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 
+#include "src/core/memory.h"
 #include "src/scene/corner_table.h"
 #include "src/scene/import_detail.h"
 #include "src/scene/ply_rows.h"
@@ -313,6 +314,14 @@ class PlyReader {
     }
     const Splats splats(options_.pointSize / options_.unit, !mesh_.normals.empty());
     if (points > kMaxElements / splats.corners()) file_.bad("too many points");
+    const std::uint64_t needed = points * (splats.corners() * (sizeof(vec3) + sizeof(glm::u8vec4)) +
+                                           splats.triangles().size() * sizeof(glm::uvec3));
+    if (const std::uint64_t left = leftBytes(options_.maxMemory); needed > left) {
+      fail(ExitCode::kMemoryOrDevice,
+           "{}: {} points need {} of memory, {} are left; make --max-memory larger, or trex bake "
+           "--stream it to a bundle, which is read in parts",
+           file_.name(), points, formatBytes(needed), formatBytes(left));
+    }
     Mesh made;
     for (std::size_t i = 0; i < points; ++i) {
       const auto corners = splats.around(mesh_.normals.empty() ? vec3(0.0f) : mesh_.normals[i]);

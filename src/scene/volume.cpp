@@ -118,13 +118,6 @@ void checkTransform(const dmat4& m, const std::string& file) {
   }
 }
 
-std::uint64_t leftBytes(std::uint64_t maxMemory) {
-  const std::uint64_t all = availableMemoryLimit();
-  const std::uint64_t allowed = maxMemory > 0 ? std::min(maxMemory, all) : all;
-  const std::uint64_t used = residentBytes();
-  return allowed > used ? allowed - used : 0;
-}
-
 asvo::Medium build(const VolumeRequest& r, const VdbFog& fog, std::uint64_t left, bool& shines) {
   const Emission emission(fog, r.kelvin);
   shines = emission.present();
@@ -239,10 +232,10 @@ void addVolume(Scene& scene, const VolumeRequest& r, std::uint64_t maxMemory) {
   }
   detail::noteFile(scene, r.file);
   // The values as they are read, their emission as colours, and the grid made of them.
-  const VdbFog fog = readFog(r.file, leftBytes(maxMemory) / 3);
+  const VdbFog fog = readFog(r.file, detail::leftBytes(maxMemory) / 3);
   bool shines = false;
   Medium medium;
-  asvo::Medium grid = build(r, fog, leftBytes(maxMemory), shines);
+  asvo::Medium grid = build(r, fog, detail::leftBytes(maxMemory), shines);
   if (grid.dropped > 0 || grid.cut > 0) {
     scene.warnings.push_back(
         fmt::format("{}: {} values that are negative or not finite set to 0, {} above 1e12 cut",
@@ -275,6 +268,13 @@ void addVolume(Scene& scene, const VolumeRequest& r, std::uint64_t maxMemory) {
 
 void addVolumes(Scene& scene, std::span<const VolumeRequest> requests, std::uint64_t maxMemory) {
   for (const VolumeRequest& r : requests) addVolume(scene, r, maxMemory);
+}
+
+std::uint64_t detail::leftBytes(std::uint64_t maxMemory) {
+  const std::uint64_t all = availableMemoryLimit();
+  const std::uint64_t allowed = maxMemory > 0 ? std::min(maxMemory, all) : all;
+  const std::uint64_t used = residentBytes();
+  return allowed > used ? allowed - used : 0;
 }
 
 }  // namespace trex
