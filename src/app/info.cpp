@@ -122,6 +122,7 @@ void addScene(Json& out, const Scene& scene) {
   out["environment"] = !scene.environment.present() ? "none"
                        : scene.environment.map      ? scene.environment.map->name
                                                     : "constant";
+  if (scene.maxBounces != Scene::kAnyBounces) out["max_bounces"] = scene.maxBounces;
   if (!scene.media.empty()) out["media"] = Json::array();
   for (const Medium& m : scene.media) out["media"].push_back(describe(m));
   out["dropped_triangles"] = scene.droppedTriangles;
@@ -340,6 +341,7 @@ void printScene(const Json& d) {
   line("lights", quoted(d["lights"]));
   line("cameras", quoted(d["cameras"]));
   line("environment", d["environment"].get<std::string>());
+  if (d.contains("max_bounces")) line("bounces", "at most " + d["max_bounces"].dump());
   for (const Json& m : d.value("media", Json::array())) {
     line("medium",
          fmt::format("'{}', {} voxels, {}{}", m["name"].get<std::string>(), m["voxels"].dump(),

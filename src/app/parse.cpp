@@ -15,6 +15,24 @@ bool parseNumber(const char* first, const char* last, std::uint32_t& value) {
   return problem == std::errc() && end == last;
 }
 
+double parsePointSize(const std::string& text) {
+  double size = 0.0;
+  const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), size);
+  if (problem != std::errc() || *end != '\0' || !(size >= 1e-9 && size <= 1e9)) {
+    fail(ExitCode::kUsage, "--point-size {}: want metres from 1e-9 to 1e9, such as 0.01", text);
+  }
+  return size;
+}
+
+std::uint32_t parseBounces(const std::string& text) {
+  std::uint32_t most = Scene::kAnyBounces;
+  if (text == "all") return most;
+  if (!parseNumber(text.data(), text.data() + text.size(), most) || most == Scene::kAnyBounces) {
+    fail(ExitCode::kUsage, "--max-bounces {}: want a number such as 4, or all", text);
+  }
+  return most;
+}
+
 }  // namespace
 
 void parseSize(const std::string& text, std::uint32_t& width, std::uint32_t& height) {
@@ -66,12 +84,16 @@ void addImportOptions(CLI::App& command, ImportOptions& options) {
           "--up", [&options](const std::string& axis) { options.zUp = axis == "z"; },
           "Axis that points up in a .ply, .obj or .stl: y or z [y]")
       ->check(CLI::IsMember({"y", "z"}));
-  command
-      .add_option(
-          "--point-size", options.pointSize,
-          "Show the points of a .ply without faces, that many metres across: squares across "
-          "their normals, or octahedra [they are refused]")
-      ->check(CLI::Range(1e-9, 1e9));
+  command.add_option_function<std::string>(
+      "--point-size",
+      [&options](const std::string& text) { options.pointSize = parsePointSize(text); },
+      "Show the points of a .ply without faces, that many metres across: squares across their "
+      "normals, or octahedra [they are refused]");
+  command.add_option_function<std::string>(
+      "--max-bounces",
+      [&options](const std::string& text) { options.maxBounces = parseBounces(text); },
+      "Reflections and scatterings of light, at most: 0 emission alone, 1 direct light too; all "
+      "[what a Mitsuba or pbrt file says, else all]");
   command.add_option("--scene", options.scene, "Scene of a glTF: name or number [its default]");
   command.add_option("--variant", options.variant,
                      "Variant of a glTF's materials (KHR_materials_variants): name or number");

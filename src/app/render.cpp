@@ -96,6 +96,7 @@ int render(RenderArguments& a) {
     importSeconds = secondsNow() - start;
     logVerbose("{}: {} triangles, {} unique, {} instances", a.input, scene.triangleCount(),
                scene.uniqueTriangleCount(), scene.instances.size());
+    if (scene.maxBounces < 2) model.voxels = false;  // their light has made two
     const std::uint64_t baked = isBundlePath(a.input)
                                     ? std::filesystem::file_size(a.input) - model.paged.disk
                                     : std::uint64_t{0};

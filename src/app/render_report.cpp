@@ -21,6 +21,10 @@ const char* photonName(const SessionReport& r) {
   return r.photonRays ? "ray" : "voxel";
 }
 
+std::string bouncesText(std::uint32_t most) {
+  return most == Scene::kAnyBounces ? "all" : std::to_string(most);
+}
+
 bool filtered(const RenderSettings& s) { return s.denoise && s.exact < 1.0; }
 
 }  // namespace
@@ -108,6 +112,7 @@ void addMetadata(Picture& picture, const RenderArguments& a, const View& view,
   put("photonBounces", photonName(r));
   put("denoised", filtered(a.settings) ? "yes" : "no");
   if (a.settings.transparent) put("transparent", "yes");
+  if (a.import.maxBounces) put("maxBounces", bouncesText(*a.import.maxBounces));
   put("device", r.device);
   put("nonFiniteSamples", std::to_string(r.nonFinite));
   put("renderOrigin", fmt::format("{},{},{}", origin.x, origin.y, origin.z));

@@ -24,6 +24,7 @@ Description describe(const Scene& scene, const MadeParts& parts, const BakeFacts
   d.scene.lights = scene.lights;
   d.scene.cameras = scene.cameras;
   d.scene.environment = scene.environment;
+  d.scene.maxBounces = scene.maxBounces;
   d.scene.media = scene.media;
   d.scene.materials = scene.materials;
   d.scene.objects = scene.objects;

@@ -194,6 +194,10 @@ void readScene(const JsonObject& root, Description& d) {
   if (root.has("media")) {
     forEach(root, "media", [&](const JsonObject& o) { s.media.push_back(readMedium(o)); });
   }
+  if (root.has("max_bounces")) {
+    s.maxBounces =
+        static_cast<std::uint32_t>(root.integer("max_bounces", 0, Scene::kAnyBounces - 1));
+  }
   forEach(root, "images", [&](const JsonObject& o) {
     bool isFloat = false;
     s.images.push_back(readImage(o, isFloat));
@@ -220,7 +224,7 @@ Description read(const JsonObject& root) {
               "cameras",       "lights",         "environment",
               "images",        "materials",      "meshes",
               "shared_meshes", "objects",        "instances",
-              "placements",    "media"});
+              "placements",    "media",          "max_bounces"});
   Description d;
   d.bakedBy = root.text("baked_by");
   d.input = root.text("input");

@@ -143,6 +143,7 @@ std::string writeDescription(const Description& d) {
                  return placement;
                })}};
   if (!scene.media.empty()) out["media"] = each(scene.media, plain);
+  if (scene.maxBounces != Scene::kAnyBounces) out["max_bounces"] = scene.maxBounces;
   return out.dump(-1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 

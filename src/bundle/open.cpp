@@ -243,6 +243,7 @@ Model openBundle(const fs::path& path, const OpenOptions& options) {
   checkSources(path, contents.description, options.useStale);
   Scene& scene = contents.description.scene;
   if (options.environment) scene.environment = *options.environment;
+  scene.maxBounces = options.import.maxBounces.value_or(scene.maxBounces);
   tellReplaced(scene, options.import.strict);
   noteVoxels(path, contents, options.model);
   scene.files = {examineSource(path)};

@@ -164,6 +164,7 @@ class StreamBake {
       mesh = std::move(kept);
     }
     if (options_.environment) scene_.environment = *options_.environment;
+    scene_.maxBounces = options_.maxBounces.value_or(scene_.maxBounces);
     scene_.media.insert(scene_.media.end(), options_.media.begin(), options_.media.end());
     scene_.droppedTriangles += spill_.nonFinite;
     if (spill_.nonFinite > 0) {

@@ -200,6 +200,7 @@ void CausticLights::follow(const Start& start, Sampler& sampler,
   const float most = maxComponent(power);
   ClearPath clear;
   bool bent = false, blurred = false;
+  std::uint32_t turns = 1;  // as Scene::maxBounces counts, that where it is seen among them
   for (int bounce = 0; bounce < kCausticBounces && maxComponent(power) > 0.0f; ++bounce) {
     RayHit hit;
     if (!rays_.intersect(from, direction, 0.0f, kInfinity, hit)) return;
@@ -222,6 +223,7 @@ void CausticLights::follow(const Start& start, Sampler& sampler,
     blurred |= !next.delta;
     if (!next.delta || !next.transmitted || !ClearLayers::clear(bsdf)) {
       bent = true;
+      if (++turns > scene_.maxBounces) return;
     } else if (bsdf.refracts()) {
       if (!clear.begun()) clear.begin(direction, 0.0f);
       clear.refract(bsdf.normal(), bsdf.eta(), next.direction);

@@ -74,10 +74,11 @@ struct Integrator::Path {
   float roughness = 0.0f;        // of the last lobe
   bool coneRay = false;          // the last vertex hands its far field to a cone
   int bounces = 0;
-  int layers = 0;       // of the bounces, those through transparent layers
-  int scattered = 0;    // times, mirrors and clear glass not counted
-  float length = 0.0f;  // from the eye to the last surface
-  bool seen = false;    // the feature is known
+  int layers = 0;           // of the bounces, those through transparent layers
+  int scattered = 0;        // times, mirrors and clear glass not counted
+  std::uint32_t turns = 0;  // times scattered or reflected: what Scene::maxBounces counts
+  float length = 0.0f;      // from the eye to the last surface
+  bool seen = false;        // the feature is known
   bool spread = false;  // by a broad lobe: what sharp ones make of point-like lights is a caustic
   bool certain = true;  // mirrors alone so far, and no choice
   RayHit hit{};
@@ -255,9 +256,12 @@ bool Integrator::meet(Path& path) const {
     }
   }
   if (bsdf.unlit()) return false;
+  if (path.turns >= scene_.maxBounces) return scatter(path, surface, bsdf, false);
   if (path.coupled && guess_.cache && endInCache(path, surface, bsdf) && !path.part()) return false;
 
-  const bool coneVertex = guess_.cones && path.coupled && bsdf.cacheable() && !bsdf.onlyDelta();
+  // Cached light has been reflected once more.
+  const bool coneVertex = guess_.cones && path.coupled && bsdf.cacheable() && !bsdf.onlyDelta() &&
+                          scene_.maxBounces - path.turns >= 2;
   path.other().moveTo(surface.position, bsdf.transmits() ? vec3(0.0f) : bsdf.normal());
   if (!bsdf.onlyDelta() && !lights_.empty()) sampleLight(path, surface, bsdf, coneVertex);
   if (!bsdf.onlyDelta() && path.caustics != nullptr) {
@@ -319,7 +323,7 @@ void Integrator::passMedia(Path& path, float distance) const {
   const MediaStretch s =
       media_->stretch(path.start.position, path.direction, distance, path.sampler);
   if (s.emission != vec3(0.0f)) path.add(path.throughput * s.emission, path.scattered <= 1);
-  if (s.scatter != vec3(0.0f)) {
+  if (s.scatter != vec3(0.0f) && path.turns < scene_.maxBounces) {
     const dvec3 point = path.start.position + dvec3(path.direction) * double(s.distance);
     const vec3 light = scatteredLight(path, point, s.anisotropy);
     if (light != vec3(0.0f)) path.add(path.throughput * s.scatter * light, path.scattered == 0);
@@ -500,6 +504,7 @@ bool Integrator::scatter(Path& path, const Surface& surface, const Bsdf& bsdf,
   if (next.delta && next.transmitted && ClearLayers::clear(bsdf)) {
     passClear(path, bsdf, next.direction);
   } else {
+    if (++path.turns > scene_.maxBounces) return false;
     path.vertex = &path.other();
     path.clear = ClearPath();
     path.left = path.start;

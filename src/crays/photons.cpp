@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "src/crays/bsdf.h"
+#include "src/crays/clear_path.h"
 
 namespace trex {
 namespace {
@@ -34,6 +35,7 @@ void follow(const Scene& scene, const RayScene& rays, Sampler& sampler, const Em
   vec3 direction = photon.direction, power = photon.power;
   const float emitted = maxComponent(power);
   bool scatters = photon.scatters;
+  std::uint32_t turns = 0;  // as Scene::maxBounces counts; two more follow where it lands
   for (int bounce = 0; bounce < kPhotonBounces; ++bounce) {
     RayHit hit;
     const bool met = rays.intersect(start, direction, 0.0f, kInfinity, hit);
@@ -42,6 +44,7 @@ void follow(const Scene& scene, const RayScene& rays, Sampler& sampler, const Em
         media->collide(start.position, direction, met ? hit.t : kInfinity, sampler, collision)) {
       if (!scatters || !scatterInMedium(collision, sampler, start, direction, power)) return;
       scatters = false;
+      ++turns;
       continue;
     }
     if (!met) return;
@@ -54,6 +57,7 @@ void follow(const Scene& scene, const RayScene& rays, Sampler& sampler, const Em
       next.direction = direction;
     } else {
       if (bsdf.cacheable()) {
+        if (turns + 2 > scene.maxBounces) return;
         if (!isFinite(power) || !(maxComponent(power) > 0.0f)) return;
         out.position = vec3(surface.position);
         out.normal = bsdf.geometricNormal();
@@ -63,6 +67,7 @@ void follow(const Scene& scene, const RayScene& rays, Sampler& sampler, const Em
         ++out.bounce;
       }
       if (!bsdf.sample(sampler, next)) return;
+      if (!next.delta || !next.transmitted || !ClearLayers::clear(bsdf)) ++turns;
       power *= next.weight * next.etaSquared;
       const float survival = std::min(1.0f, maxComponent(power) / emitted);
       if (!(survival > 0.0f) || sampler.next1D() >= survival) return;

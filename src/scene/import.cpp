@@ -39,7 +39,7 @@ void noteFile(Scene& scene, const std::filesystem::path& path) {
 
 void noteNoUnit(Scene& scene, const std::string& format, const std::filesystem::path& path,
                 const ImportOptions& options) {
-  if (!options.key().empty()) return;
+  if (options.unit != 1.0 || options.zUp) return;
   scene.warnings.push_back(
       fmt::format("{}: {} tells no unit and no up; metres and y are taken (--unit mm --up z)",
                   path.string(), format));
@@ -63,6 +63,14 @@ std::string lowerExtension(const std::filesystem::path& path) {
   std::transform(extension.begin(), extension.end(), extension.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   return extension;
+}
+
+/// Of what is packed, if gzip has packed a format that is read through an InputFile.
+std::string formatOf(const std::filesystem::path& path) {
+  const std::string extension = lowerExtension(path);
+  if (extension != ".gz") return extension;
+  const std::string inner = lowerExtension(path.stem());
+  return inner == ".pbrt" || inner == ".ply" || inner == ".obj" ? inner : extension;
 }
 
 void checkReadable(const std::filesystem::path& path) {
@@ -94,7 +102,7 @@ void refuseDefines(const std::filesystem::path& path, const ImportOptions& optio
 }
 
 Scene readByExtension(const std::filesystem::path& path, const ImportOptions& options) {
-  const std::string extension = lowerExtension(path);
+  const std::string extension = formatOf(path);
   detail::checkPointSize(path, options);
   if (extension == ".pbrt" && (options.unit != 1.0 || options.zUp)) {
     fail(ExitCode::kUsage,
@@ -172,7 +180,7 @@ void place(Scene& scene, const dmat4& world, double scale) {
 }  // namespace
 
 void detail::checkPointSize(const std::filesystem::path& path, const ImportOptions& options) {
-  if (options.pointSize == 0.0 || lowerExtension(path) == ".ply") return;
+  if (options.pointSize == 0.0 || formatOf(path) == ".ply") return;
   fail(ExitCode::kUsage, "{}: --point-size is of .ply alone", path.string());
 }
 
@@ -182,6 +190,7 @@ std::string ImportOptions::key() const {
   if (zUp) text += " z up";
   if (pointSize > 0.0) text += fmt::format(" points of {}", pointSize);
   if (!scene.empty()) text += " scene " + scene;
+  if (maxBounces) text += fmt::format(" bounces {}", *maxBounces);
   for (const std::string& define : defines) text += " -D " + define;
   if (!variant.empty()) text += " variant " + variant;
   if (!animation.empty()) text += fmt::format(" animation {} at {}", animation, atSeconds);
@@ -213,6 +222,7 @@ Scene importScene(const std::filesystem::path& path, const ImportOptions& option
   if (isSynthName(path.string())) {
     Scene scene = makeSynth(path.string());
     addVolumes(scene, options.volumes, options.maxMemory);
+    scene.maxBounces = options.maxBounces.value_or(scene.maxBounces);
     return scene;
   }
   checkReadable(path);
@@ -247,6 +257,7 @@ Scene importScene(const std::filesystem::path& path, const ImportOptions& option
   detail::checkExtent(scene);
   addVolumes(scene, options.volumes, options.maxMemory);
   addDefaultLightAndCamera(scene, options.environmentGiven);
+  scene.maxBounces = options.maxBounces.value_or(scene.maxBounces);
   tellReplaced(scene, options.strict);
   return scene;
 }

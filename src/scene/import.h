@@ -22,6 +22,7 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 
 #include "src/scene/scene.h"
@@ -37,8 +38,8 @@ struct ImportOptions {
   bool strict = false;                   ///< a part that can't be shown as it is is an error
   /// Folder for the temporary files of streams (triangle_stream.h); empty: the system's.
   std::filesystem::path scratch{};
-  /// Of formats that know neither (all but glTF, FBX, COLLADA, IFC, X3D): metres of one of the
-  /// file's units, and whether its z is up. Error(kUsage) with others.
+  /// Of formats that know neither (all but glTF, FBX, COLLADA, IFC, X3D, BLEND): metres of one of
+  /// the file's units, and whether its z is up. Error(kUsage) with others.
   double unit = 1.0;
   bool zUp = false;
   /// Of PLY, Error(kUsage) with others: metres across that a point of a cloud is shown; 0: clouds
@@ -51,6 +52,8 @@ struct ImportOptions {
   double atSeconds = 0.0;
   /// Of Mitsuba's XML, Error(kUsage) with others: NAME=VALUE of its parameters.
   std::vector<std::string> defines{};
+  /// Scene::maxBounces instead of the file's.
+  std::optional<std::uint32_t> maxBounces{};
   /// Of a mesh file that a scene file names: triangles, normals and all texture coordinates;
   /// neither materials nor groups nor smoothing.
   bool geometryOnly = false;

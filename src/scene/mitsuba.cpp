@@ -1,4 +1,6 @@
 // Mitsuba scenes (XML of versions 0.5, 0.6, 2 and 3): which reader takes which part.
+#include <algorithm>
+
 #include "src/scene/import_detail.h"
 #include "src/scene/mitsuba_lights.h"
 #include "src/scene/mitsuba_shapes.h"
@@ -7,13 +9,18 @@ namespace trex::detail {
 namespace mitsuba {
 namespace {
 
-void noteIntegrator(Context& context, const Element& integrator) {
+/// Mitsuba counts the segments of a path, so that one of 1 sees emission alone; without or with a
+/// negative one there is no limit. Integrators within others (aov, moment) count too.
+void readIntegrator(Context& context, const Element& integrator) {
   const Properties of(context, integrator);
-  const double depth = of.number("max_depth", -1.0);
-  if (depth < 0.0) return;
-  context.note(
-      integrator,
-      fmt::format("paths longer than max_depth {} are shown too: chance alone ends them", depth));
+  const double depth = integrator.type() == "direct" ? 2.0 : of.number("max_depth", -1.0);
+  if (depth >= 0.0) {
+    context.scene().maxBounces = static_cast<std::uint32_t>(std::clamp(depth - 1.0, 0.0, 1e9));
+  }
+  if (depth == 0.0) {
+    context.note(integrator, "max_depth 0 would be a black picture; emission is shown, as with 1");
+  }
+  for (const Element* inner : of.objects("integrator")) readIntegrator(context, *inner);
 }
 
 }  // namespace
@@ -33,7 +40,7 @@ Scene readMitsuba(const std::filesystem::path& path, const ImportOptions& option
     } else if (e.tag == "sensor" || e.tag == "camera") {
       addSensor(context, e);
     } else if (e.tag == "integrator") {
-      noteIntegrator(context, e);
+      readIntegrator(context, e);
     } else if (e.tag == "subsurface" || e.tag == "volume") {
       context.replace(e, fmt::format("<{}> is not shown", e.tag));
     }

@@ -55,8 +55,8 @@ class PbrtReader {
         {"Camera", &PbrtReader::camera},
         {"Film", &PbrtReader::film},
         {"Sampler", &PbrtReader::rendering},
-        {"Integrator", &PbrtReader::rendering},
-        {"SurfaceIntegrator", &PbrtReader::rendering},
+        {"Integrator", &PbrtReader::integrator},
+        {"SurfaceIntegrator", &PbrtReader::integrator},
         {"PixelFilter", &PbrtReader::rendering},
         {"Filter", &PbrtReader::rendering},
         {"Accelerator", &PbrtReader::rendering},
@@ -299,6 +299,23 @@ class PbrtReader {
   void rendering() {
     text();
     parameters();
+  }
+
+  /// Of paths pbrt counts the bounces, which end at 5 where nothing is said: that is nobody's wish,
+  /// and there is no limit. Other integrators count otherwise, or something else.
+  void integrator() {
+    const std::string kind = text();
+    const PbrtParameters of = parameters();
+    constexpr std::array kPaths = {"path", "volpath",    "bdpt",          "mlt",
+                                   "sppm", "simplepath", "simplevolpath", "lightpath"};
+    const bool paths = std::find(kPaths.begin(), kPaths.end(), kind) != kPaths.end();
+    const double most = of.number("maxdepth", -1.0);
+    if (!paths) {
+      scene_.warnings.push_back(utf8Of(oneLine(fmt::format(
+          "{}: {}: the picture is that of paths of any length", context_.where(), context_.what))));
+    } else if (most >= 0.0) {
+      scene_.maxBounces = static_cast<std::uint32_t>(std::min(most, 1e9));
+    }
   }
 
   void colorSpace() {

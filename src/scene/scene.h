@@ -246,6 +246,8 @@ struct Replaced {
 };
 
 struct Scene {
+  static constexpr std::uint32_t kAnyBounces = ~std::uint32_t{0};
+
   std::string source;             ///< path as given
   std::vector<SourceFile> files;  ///< all that the import read, the model's own first
   std::vector<Mesh> meshes;
@@ -260,6 +262,10 @@ struct Scene {
   std::vector<std::string> warnings;   ///< said once on import
   Replaced replaced;                   ///< said like warnings; errors with ImportOptions::strict
   std::uint64_t droppedTriangles = 0;  ///< with non-finite vertices
+  /// Light that was reflected or scattered more often on its way to the camera is not shown; 0:
+  /// emission alone, 1: direct light too. Surfaces that are not all there and smooth glass that
+  /// light goes through do not count.
+  std::uint32_t maxBounces = kAnyBounces;
 
   std::uint64_t triangleCount() const;        ///< instances counted each time
   std::uint64_t uniqueTriangleCount() const;  ///< meshes of equal geometry counted once

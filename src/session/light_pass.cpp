@@ -15,6 +15,8 @@ constexpr double kChunkSeconds = 0.003;  // between two questions whether to go 
 constexpr std::uint64_t kMostPhotons = shaderio::kPhotonNumbers;
 /// Counts of the largest photon: 2^30 photons x 2^6 deposits x 2^20 counts stay below 2^63.
 constexpr double kLargestCounts = 1u << 20;
+/// What is left of light after so many bounces is nothing to a guess.
+constexpr std::uint32_t kManyBounces = 32;
 
 }  // namespace
 
@@ -34,7 +36,7 @@ LightPass::LightPass(const Scene& scene, const RayScene& rays, const LightSet& l
       device_(device),
       cache_(cache),
       seed_(seed),
-      rayBounces_(rayBounces || rays.media() != nullptr) {
+      rayBounces_(rayBounces || rays.media() != nullptr || scene.maxBounces < kManyBounces) {
   const Box3f bounds = rays.bounds();
   const double radius = bounds.empty() ? 1.0 : 0.5 * glm::length(dvec3(bounds.size()));
   const double sphere = 4.0 * std::numbers::pi * radius * radius;

@@ -20,7 +20,7 @@ std::uint64_t photonTarget(std::uint32_t sample, std::uint64_t pixels);
 class LightPass {
  public:
   /// `rayBounces`: photons bounce as C-rays, and the device only adds up where they land. They do
-  /// so in a scene with media, whatever is said here: voxels know no media.
+  /// so in a scene with media or few bounces, whatever is said here: voxels know of neither.
   LightPass(const Scene& scene, const RayScene& rays, const LightSet& lights, GRayTracer& device,
             LightCache& cache, std::uint32_t seed, bool rayBounces);
 

@@ -108,6 +108,21 @@ TEST_P(Furnace, RadianceIsOne) {
   }
 }
 
+/// Of three bounces it is the first four terms of the sum, in cached light too.
+TEST(FewBounces, FurnaceIsItsPartialSum) {
+  Scene scene = normalisedFurnace(0.5f);
+  scene.maxBounces = 3;
+  constexpr double kRight = 0.5 * (1.0 + 0.5 + 0.25 + 0.125);
+  for (GuessKind guess : kGuesses) {
+    RenderSettings settings = guessSettings(64, 64, guess);
+    settings.photons = 1u << 19;
+    const double error = render(scene, settings).total.x / kRight - 1.0;
+    const double limit = guess == GuessKind::kRay ? 0.01 : 0.025;
+    report(fmt::format("furnace of three bounces {}, error", nameOf(guess)), error, limit);
+    EXPECT_NEAR(error, 0.0, limit);
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Albedos, Furnace, testing::Values(0.5f, 0.9f));
 
 // --- Two rooms and a slit

@@ -38,6 +38,61 @@ TEST(Integrator, ClosedFurnaceIsExact) {
   }
 }
 
+/// Of n bounces a furnace shows the first terms of its geometric sum.
+TEST(Integrator, FurnaceOfFewBouncesIsItsPartialSum) {
+  for (const float albedo : {0.5f, 0.9f}) {
+    float right = 0.0f, term = 1.0f;
+    for (const std::uint32_t most : {0u, 1u, 2u, 3u, 4u, 5u}) {
+      right += term;
+      term *= albedo;
+      Scene scene = test::furnace(albedo);
+      scene.maxBounces = most;
+      EXPECT_NEAR(render(scene, 64).x, right, 0.004f * right) << albedo << ' ' << most;
+    }
+  }
+}
+
+/// A mirror is a bounce; glass that light goes through is none, neither for the light that is
+/// sampled nor for the path that finds it. Between a pane in a sky of 1 and a floor of albedo a the
+/// light goes to and fro: with R of it reflected by the pane, L = a (1 - R) (1 + aR + (aR)^2 ...).
+TEST(Integrator, MirrorsAreBouncesAndPanesAreNone) {
+  const auto plane = [](float height, float side, int material) {
+    Mesh mesh;
+    mesh.material = material;
+    mesh.positions = {vec3(-side, height, -side), vec3(-side, height, side),
+                      vec3(side, height, side), vec3(side, height, -side)};
+    mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
+    return mesh;
+  };
+  Scene scene;
+  scene.materials = {test::lambert(0.8f), Material{}};
+  scene.materials[1].metallic = 0.0f;
+  scene.materials[1].roughness = 0.0f;
+  scene.materials[1].transmission = 1.0f;
+  scene.environment.color = vec3(1.0f);
+  scene.cameras = {test::lookAt(dvec3(0, 0.01, 0), dvec3(0.001, 0.0, 0.0), 0.1f)};
+  test::place(scene, plane(0.0f, 50.0f, 0));
+  test::place(scene, plane(0.02f, 50.0f, 1));
+  const auto shown = [&](std::uint32_t most) {
+    scene.maxBounces = most;
+    return render(scene, 512).x;
+  };
+  EXPECT_EQ(shown(0), 0.0f);
+  const float direct = shown(1), reflected = 1.0f - direct / 0.8f;
+  EXPECT_GT(reflected, 0.05f);
+  EXPECT_LT(reflected, 0.2f);
+  EXPECT_NEAR(shown(2), direct, 0.004f);  // up to the pane and down, which a third scatters
+  EXPECT_NEAR(shown(3), direct * (1.0f + 0.8f * reflected), 0.004f);
+  EXPECT_NEAR(shown(Scene::kAnyBounces), direct / (1.0f - 0.8f * reflected), 0.004f);
+
+  scene.materials[0].metallic = 1.0f;
+  scene.materials[0].roughness = 0.0f;
+  scene.materials[0].specularColor = vec3(1.0f);
+  scene.materials[0].baseColor = vec4(1.0f);
+  EXPECT_EQ(shown(0), 0.0f);
+  EXPECT_GT(shown(1), 0.5f);
+}
+
 /// A sphere of albedo 1 in a uniform sky can't be seen: all that arrives leaves again.
 TEST(Integrator, WhiteSphereInASkyIsInvisible) {
   for (float roughness : {0.0f, 1.0f}) {
@@ -87,6 +142,10 @@ TEST(Integrator, PointLightOnAFloor) {
   scene.lights = {light};
   scene.cameras = {test::lookAt(dvec3(0, 1, 0), dvec3(0.0, 0.0, 1e-4), 0.01f)};
   EXPECT_NEAR(render(scene, 4).x, 0.6f / kPi * 10.0f / 4.0f, 1e-3f);
+  scene.maxBounces = 1;
+  EXPECT_NEAR(render(scene, 4).x, 0.6f / kPi * 10.0f / 4.0f, 1e-3f);
+  scene.maxBounces = 0;
+  EXPECT_EQ(render(scene, 4).x, 0.0f);
 }
 
 /// The same lamp found by light sampling alone, and by chance too: multiple importance sampling

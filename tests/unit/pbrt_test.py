@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Pictures of pbrt scenes: radiances in closed form, the same picture as of the same OBJ file, and not mirrored."""
-import argparse, os, shutil, subprocess, tempfile, unittest
+import argparse, json, os, shutil, subprocess, tempfile, unittest
 
 from exr_file import exr_bytes, rgb
 
@@ -56,6 +56,32 @@ class PbrtTest(unittest.TestCase):
         # The floor's back does not shine.
         dark = 'LightSource "infinite" "rgb L" [.0001 .0001 .0001]\n' + shining + "ReverseOrientation\n"
         self.expect_radiance(V3 + dark + FLOOR, (0, 0, 0.0001), 10)
+
+    def test_bounces(self):
+        # Within a sphere that shines and scatters half of what arrives: 1 + 1/2 + 1/4 ...
+        furnace = ('Integrator "path" "integer maxdepth" {}\nFilm "image"\nCamera "perspective" "float fov" 60\n'
+                   'WorldBegin\nAreaLightSource "diffuse" "rgb L" [1 1 1]\nMaterial "matte" "rgb Kd" [.5 .5 .5]\n'
+                   'ReverseOrientation\nShape "sphere"\n')
+        for most, right in ((0, 1), (1, 1.5), (3, 1.875)):
+            self.expect_radiance(furnace.format(most), (right,) * 3, 0.02)
+        scene, bundle = self.write("a.pbrt", furnace.format(1)), os.path.join(self.folder, "a.trex")
+        for options in ((), ("--stream",)):
+            self.trex("bake", scene, "-o", bundle, *options)
+            for model in (scene, bundle):
+                self.assertEqual(json.loads(self.trex("info", model, "--json"))["max_bounces"], 1)
+                self.assertIn("at most 1", self.trex("info", model))
+            made = os.path.join(self.folder, "synth.trex")
+            self.trex("bake", "synth:assembly?triangles=1e3", "-o", made, "--max-bounces", "3", *options)
+            self.assertEqual(json.loads(self.trex("info", made, "--json"))["max_bounces"], 3)
+        limited = self.render(bundle, "b.exr", "--size", "4x4", "--spp", "64")
+        self.trex("diff", self.render(scene, "c.exr", "--size", "4x4", "--spp", "64"), limited, "--metric", "rmse", "--max", "0.002")
+        for most, right in (("all", 2), ("2", 1.75)):
+            for model in (scene, bundle):
+                picture = self.render(model, "d.exr", "--size", "4x4", "--spp", "256", "--max-bounces", most)
+                exact = self.write("right.exr", exr_bytes(4, 4, rgb([(right,) * 3] * 16)))
+                self.trex("diff", picture, exact, "--metric", "rmse", "--max", "0.03")
+        for bad in ("-1", "x", "1.5", "4294967295", ""):
+            self.trex("render", scene, "-o", limited, f"--max-bounces={bad}", code=2)
 
     def test_picture_of_the_same_obj(self):
         corners = [(0, 0, 0), (2, 0, 0.5), (1, 2, 0), (-1, 1, 1)]

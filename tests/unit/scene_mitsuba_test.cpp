@@ -603,12 +603,44 @@ TEST_F(Mitsuba, MissingFilesLeaveTheRest) {
   expectNear(vec3(s.materials.at(0).baseColor), vec3(0.5f));
 }
 
+/// Mitsuba counts the segments of a path.
+TEST_F(Mitsuba, DepthOfTheIntegratorLimitsBounces) {
+  const struct {
+    const char* integrator;
+    std::uint32_t most;
+  } cases[] = {
+      {"", Scene::kAnyBounces},
+      {"<integrator type=\"path\"/>", Scene::kAnyBounces},
+      {"<integrator type=\"path\"><integer name=\"max_depth\" value=\"-1\"/></integrator>",
+       Scene::kAnyBounces},
+      {"<integrator type=\"path\"><integer name=\"max_depth\" value=\"1\"/></integrator>", 0},
+      {"<integrator type=\"path\"><integer name=\"max_depth\" value=\"2\"/></integrator>", 1},
+      {"<integrator type=\"volpath\"><integer name=\"maxDepth\" value=\"17\"/><integer "
+       "name=\"rrDepth\" value=\"5\"/></integrator>",
+       16},
+      {"<integrator type=\"aov\"><string name=\"aovs\" value=\"d:depth\"/><integrator "
+       "type=\"path\"><integer name=\"max_depth\" value=\"4\"/></integrator></integrator>",
+       3},
+      {"<integrator type=\"direct\"/>", 1},
+      {"<integrator type=\"path\"><integer name=\"max_depth\" value=\"1e20\"/></integrator>",
+       1'000'000'000},
+  };
+  for (const auto& c : cases) {
+    const Scene s = read(std::string(c.integrator) + "<shape type=\"rectangle\"/>");
+    EXPECT_EQ(s.maxBounces, c.most) << c.integrator;
+    EXPECT_EQ(s.replaced.count, 0u) << c.integrator;
+  }
+  const Scene s = read(
+      "<integrator type=\"path\"><integer name=\"max_depth\" value=\"0\"/></integrator>"
+      "<shape type=\"rectangle\"/>");
+  EXPECT_EQ(s.maxBounces, 0u);
+  EXPECT_TRUE(says(s.warnings, "max_depth 0"));
+}
+
 TEST_F(Mitsuba, WhatIsNotShownIsSaid) {
   const Scene s = read(
-      "<integrator type=\"path\"><integer name=\"max_depth\" value=\"5\"/></integrator>"
       "<shape type=\"rectangle\"><bsdf type=\"roughconductor\"><float name=\"glitter\" "
       "value=\"1\"/><string name=\"distribution\" value=\"phong\"/></bsdf></shape>");
-  EXPECT_TRUE(says(s.warnings, "max_depth 5"));
   EXPECT_TRUE(says(s.warnings, "glitter"));
   EXPECT_TRUE(says(s.warnings, "'phong' are shown as ggx"));
   EXPECT_TRUE(says(s.warnings, "twosided"));

@@ -315,6 +315,25 @@ TEST_F(ScenePbrt, WhatSaysHowToRenderIsRead) {
   expectRefused("Option \"seed\" [", "value is missing");
 }
 
+TEST_F(ScenePbrt, DepthOfTheIntegratorLimitsBounces) {
+  const auto most = [&](const std::string& integrator, const ImportOptions& options = {}) {
+    read(kTriangle, integrator + kHead);
+    return importScene(folder_ / "a.pbrt", options).maxBounces;
+  };
+  EXPECT_EQ(most(""), Scene::kAnyBounces);
+  EXPECT_EQ(most("Integrator \"path\"\n"), Scene::kAnyBounces);
+  EXPECT_EQ(most("Integrator \"path\" \"integer maxdepth\" [ 65 ]\n"), 65u);
+  EXPECT_EQ(most("SurfaceIntegrator \"bdpt\" \"integer maxdepth\" 0\n"), 0u);
+  EXPECT_EQ(most("Integrator \"volpath\" \"integer maxdepth\" -1\n"), Scene::kAnyBounces);
+  EXPECT_EQ(most("Integrator \"path\" \"integer maxdepth\" 2\n", {.maxBounces = 7}), 7u);
+  EXPECT_EQ(most("Integrator \"directlighting\" \"integer maxdepth\" 2\n"), Scene::kAnyBounces);
+  const Scene s = read(kTriangle, "Integrator \"ambientocclusion\"\n" + kHead);
+  EXPECT_TRUE(std::any_of(s.warnings.begin(), s.warnings.end(), [](const std::string& w) {
+    return w.find("a.pbrt:1: Integrator \"ambientocclusion\": the picture is that of paths") !=
+           std::string::npos;
+  }));
+}
+
 TEST_F(ScenePbrt, AttributesAreParametersOfWhatFollows) {
   const Scene s = read(
       "AttributeBegin\nAttribute \"shape\" \"float radius\" 2 \"float zmax\" 0\n"
