@@ -1,5 +1,7 @@
 #include "src/scene/input_file.h"
 
+#include <zlib.h>
+
 #include <algorithm>
 #include <bit>
 #include <charconv>
@@ -17,6 +19,8 @@ bool isBlank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' ||
 
 }  // namespace
 
+void InputFile::Close::operator()(gzFile_s* f) const { gzclose(f); }
+
 InputFile::InputFile(const std::filesystem::path& path) : name_(path.string()) {
   std::error_code error;
   const auto status = std::filesystem::status(path, error);
@@ -27,7 +31,33 @@ InputFile::InputFile(const std::filesystem::path& path) : name_(path.string()) {
   fileLeft_ = std::filesystem::file_size(path, error);
   file_.reset(std::fopen(name_.c_str(), "rb"));
   if (error || !file_) fail(ExitCode::kInput, "{}: can't be opened for reading", name_);
+  const int first = std::getc(file_.get()), second = std::getc(file_.get());
+  std::rewind(file_.get());
+  if (first == 0x1f && second == 0x8b) {
+    file_.reset();
+    packed_.reset(gzopen(name_.c_str(), "rb"));
+    if (!packed_) fail(ExitCode::kInput, "{}: can't be opened for reading", name_);
+    gzbuffer(packed_.get(), 1u << 17);
+    fileLeft_ = kMostUnpacked * fileLeft_ + kUnpackedBytes;
+  }
   buffer_.resize(std::min<std::uint64_t>(kBufferSize, fileLeft_ + 1));
+}
+
+/// Up to `most` bytes of what gzip has packed.
+std::size_t InputFile::unpack(std::uint8_t* to, std::size_t most) {
+  const auto piece = static_cast<unsigned>(std::min<std::size_t>(most, 1u << 30));
+  const int got = gzread(packed_.get(), to, piece);
+  int problem = Z_OK;
+  gzerror(packed_.get(), &problem);
+  if (got < 0 || (problem != Z_OK && problem != Z_STREAM_END)) {
+    fail(ExitCode::kInput, "{}: what gzip has packed is broken or cut off", name_);
+  }
+  if (static_cast<std::uint64_t>(got) > fileLeft_) {
+    fail(ExitCode::kInput,
+         "{}: unpacks to more than {} times its size; unpack it (gunzip) if that is right", name_,
+         kMostUnpacked);
+  }
+  return static_cast<std::size_t>(got);
 }
 
 bool InputFile::refill() {
@@ -35,8 +65,9 @@ bool InputFile::refill() {
   filled_ -= at_;
   at_ = 0;
   if (filled_ == buffer_.size()) buffer_.resize(buffer_.size() * 2);
-  const std::size_t got =
-      std::fread(buffer_.data() + filled_, 1, buffer_.size() - filled_, file_.get());
+  std::uint8_t* const to = buffer_.data() + filled_;
+  const std::size_t most = buffer_.size() - filled_;
+  const std::size_t got = packed_ ? unpack(to, most) : std::fread(to, 1, most, file_.get());
   filled_ += got;
   // A file that grows while it is read must not make `remaining` wrap around.
   fileLeft_ = got == 0 ? 0 : fileLeft_ - std::min<std::uint64_t>(fileLeft_, got);

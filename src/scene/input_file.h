@@ -1,4 +1,4 @@
-// A file read once from front to back in bounded memory.
+// A file read once from front to back in bounded memory; one packed by gzip is unpacked on the way.
 #pragma once
 
 #include <cstdint>
@@ -11,6 +11,8 @@
 #include <string_view>
 #include <vector>
 
+struct gzFile_s;  // of zlib
+
 namespace trex::detail {
 
 class InputFile {
@@ -18,10 +20,15 @@ class InputFile {
   /// Longest line that readLine returns, bytes.
   static constexpr std::size_t kMaxLine = std::size_t(1) << 24;
 
+  /// What gzip has packed may grow to so many times its size and kUnpackedBytes, else it is an
+  /// Error(kInput): text packs 3 to 20 to 1, a file made to fill memory 1000.
+  static constexpr std::uint64_t kMostUnpacked = 100, kUnpackedBytes = std::uint64_t(1) << 20;
+
   /// Opens a plain file; throws Error(kInput) otherwise.
   explicit InputFile(const std::filesystem::path& path);
 
   const std::string& name() const { return name_; }
+  /// Bytes that follow, at most.
   std::uint64_t remaining() const { return fileLeft_ + (filled_ - at_); }
   std::uint64_t lineNumber() const { return line_; }  ///< of the line last read, from 1
 
@@ -50,14 +57,17 @@ class InputFile {
  private:
   struct Close {
     void operator()(std::FILE* f) const { std::fclose(f); }
+    void operator()(gzFile_s* f) const;
   };
 
   bool refill();
+  std::size_t unpack(std::uint8_t* to, std::size_t most);
   void beginText();
   void require(std::size_t count);
 
   std::string name_;
   std::unique_ptr<std::FILE, Close> file_;
+  std::unique_ptr<gzFile_s, Close> packed_;  ///< in its place
   std::uint64_t fileLeft_ = 0;
   std::uint64_t line_ = 0;
   char lineEnd_ = '\n';

@@ -140,6 +140,8 @@ def ply():
         yield header.format(order, *["double"] * 3, rest, "").encode() + body
         body = b"".join(struct.pack(mark + "3f", *row) for row in rows) + struct.pack(mark + "B3iHb", 3, 0, 1, 2, 1, 5)
         yield header.format(order, *["float"] * 3, "", "property list ushort char extra\n").encode() + body
+    pack = zlib.compressobj(wbits=31)
+    yield pack.compress(header.format("ascii", *["float"] * 3, "", "").encode() + f"{lines}4 0 1 3 2\n".encode()) + pack.flush()
 
 
 OBJ = [b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",

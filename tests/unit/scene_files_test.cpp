@@ -1,5 +1,6 @@
 // PLY, OBJ, textures, cameras, environments.
 #include <OpenImageIO/imageio.h>
+#include <zlib.h>
 
 #include <bit>
 
@@ -12,6 +13,24 @@ namespace {
 class ScenePly : public SceneTest {};
 class SceneObj : public SceneTest {};
 class SceneEnvironment : public SceneTest {};
+class ScenePacked : public SceneTest {
+ protected:
+  std::filesystem::path pack(const std::string& name, const std::string& bytes) const {
+    gzFile file = gzopen((folder_ / name).c_str(), "wb");
+    EXPECT_EQ(gzwrite(file, bytes.data(), unsigned(bytes.size())), int(bytes.size()));
+    EXPECT_EQ(gzclose(file), Z_OK);
+    return folder_ / name;
+  }
+  std::string refusal(const std::filesystem::path& path) const {
+    try {
+      importScene(path);
+    } catch (const Error& e) {
+      EXPECT_EQ(e.code(), ExitCode::kInput);
+      return e.what();
+    }
+    return "none";
+  }
+};
 
 /// Appends a value in the byte order asked for.
 template <typename T>
@@ -428,6 +447,61 @@ TEST(SceneAssets, OurOwnScenesAreComplete) {
     EXPECT_TRUE(hasLight(s)) << file;
     EXPECT_EQ(s.cameras.size(), 1u) << file;
   }
+}
+
+const std::string kPackedPly =
+    "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float "
+    "z\n"
+    "element face 1\nproperty list uchar int vertex_index\nend_header\n0 0 0\n2 0 0\n0 2 0\n3 0 1 "
+    "2\n";
+
+TEST_F(ScenePacked, GzippedFilesAreThoseThatAreIn) {
+  pack("m.ply.gz", kPackedPly);
+  const std::string world = "Shape \"plymesh\" \"string filename\" \"m.ply.gz\"\n";
+  pack("part.pbrt.gz", world);
+  pack("scene.pbrt.gz", "WorldBegin\nInclude \"part.pbrt.gz\"\nTranslate 0 0 3\n" + world);
+  pack("m.obj.gz", "v 0 0 0\nv 2 0 0\nv 0 2 0\nf 1 2 3\n");
+  pack("M.PLY.GZ", kPackedPly);
+  pack("packed.ply", kPackedPly);  // by another name
+  const std::vector<vec3> right = {{0, 0, 0}, {2, 0, 0}, {0, 2, 0}};
+  for (const char* name : {"m.ply.gz", "m.obj.gz", "M.PLY.GZ", "packed.ply", "scene.pbrt.gz"}) {
+    const Scene s = importScene(folder_ / name);
+    EXPECT_EQ(s.meshes.at(0).positions, right) << name;
+    EXPECT_EQ(s.replaced.count, 0u) << name;
+  }
+  EXPECT_EQ(importScene(folder_ / "scene.pbrt.gz").instances.size(), 2u);
+  // Larger than any buffer, and of two packed files one behind the other.
+  std::string long_;
+  for (int i = 0; i < 200'000; ++i) long_ += "v " + std::to_string(i * 7919 % 100'003) + " 0 1\n";
+  pack("a.gz", long_);
+  pack("b.gz", "v 0 0 0\nv 2 0 0\nv 0 2 0\nf -3 -2 -1\n");
+  std::ofstream both(folder_ / "both.obj.gz", std::ios::binary);
+  for (const char* part : {"a.gz", "b.gz"}) {
+    both << std::ifstream(folder_ / part, std::ios::binary).rdbuf();
+  }
+  both.close();
+  EXPECT_EQ(importScene(folder_ / "both.obj.gz").triangleCount(), 1u);
+}
+
+TEST_F(ScenePacked, BrokenAndSwellingFilesAreRefused) {
+  const auto path = pack("m.ply.gz", kPackedPly);
+  std::ifstream in(path, std::ios::binary);
+  const std::string whole((std::istreambuf_iterator<char>(in)), {});
+  for (std::size_t size = 2; size < whole.size(); ++size) {
+    EXPECT_NE(refusal(write("cut.ply.gz", whole.substr(0, size))), "none") << size;
+  }
+  std::string flipped = whole;
+  flipped[whole.size() - 6] = char(flipped[whole.size() - 6] ^ 1);  // of its checksum
+  EXPECT_NE(refusal(write("flipped.ply.gz", flipped)).find("gzip"), std::string::npos);
+  // 16 MiB in 16 KiB.
+  const std::string swelling = "ply\n" + std::string(std::size_t(1) << 24, '\n');
+  EXPECT_NE(refusal(pack("bomb.ply.gz", swelling)).find("more than 100 times"), std::string::npos);
+  // A count that only such a file could hold takes no memory.
+  std::string lie = kPackedPly;
+  lie.replace(lie.find("vertex 3"), 8, "vertex 99999999");
+  EXPECT_NE(refusal(pack("lie.ply.gz", lie)), "none");
+  EXPECT_NE(refusal(pack("m.stl.gz", "solid\n")).find("unknown extension '.gz'"),
+            std::string::npos);
 }
 
 }  // namespace
