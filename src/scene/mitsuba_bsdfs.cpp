@@ -199,19 +199,8 @@ Material Bsdfs::finished(const Look& look, const UvFacts& facts) {
   }
   const Texture heights = textures_.changed(look.reliefMap, "heights", false,
                                             [](const vec4& v) { return vec4(luminance(vec3(v))); });
-  Scene& scene = context_.scene();
-  const int width = scene.images[heights.image].width;
-  const double strength = static_cast<double>(look.reliefScale * luminance(look.reliefMap.factor)) *
-                          width * std::abs(double(heights.scale.x)) / facts.metresPerUv;
-  Image normals = normalsOfHeights(scene.images[heights.image],
-                                   static_cast<float>(std::clamp(strength, -1e3, 1e3)));
-  normals.name =
-      fmt::format("normals of {} times {:.3g}", scene.images[heights.image].name, strength);
-  m.normalTexture = heights;
-  const auto same = std::find_if(scene.images.begin(), scene.images.end(),
-                                 [&](const Image& i) { return i.name == normals.name; });
-  m.normalTexture.image = static_cast<int>(same - scene.images.begin());
-  if (same == scene.images.end()) scene.images.push_back(std::move(normals));
+  const double metres = double(look.reliefScale) * luminance(look.reliefMap.factor);
+  setBumps(context_.scene(), heights, metres, facts, m);
   return m;
 }
 

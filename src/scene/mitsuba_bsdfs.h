@@ -4,6 +4,7 @@
 #include <map>
 
 #include "src/scene/mitsuba_textures.h"
+#include "src/scene/relief.h"
 
 namespace trex::detail::mitsuba {
 
@@ -15,12 +16,6 @@ struct Look {
   enum class Relief : std::uint8_t { kNone, kHeights, kNormals } relief = Relief::kNone;
   ColorInput reliefMap;
   float reliefScale = 1.0f;  ///< metres of a height of 1; of normals none
-};
-
-/// What a bump or normal map needs to know of the surface under it.
-struct UvFacts {
-  double metresPerUv = 1.0;
-  bool rightHanded = false;  ///< u x v is the normal
 };
 
 class Bsdfs {

@@ -16,25 +16,6 @@ dmat4 withDepth(dmat4 m) {
   return m;
 }
 
-UvFacts factsOf(const Mesh& mesh, const dmat4& place) {
-  UvFacts facts;
-  if (mesh.texCoords.empty()) return facts;
-  double area = 0.0, uvArea = 0.0, turn = 0.0;
-  for (const glm::uvec3& t : mesh.triangles) {
-    const dvec3 a(mesh.positions[t.x]);
-    const glm::dmat3 linear(place);
-    const dvec3 normal = glm::cross(linear * (dvec3(mesh.positions[t.y]) - a),
-                                    linear * (dvec3(mesh.positions[t.z]) - a));
-    const glm::dvec2 u = glm::dvec2(mesh.texCoords[t.y]) - glm::dvec2(mesh.texCoords[t.x]);
-    const glm::dvec2 v = glm::dvec2(mesh.texCoords[t.z]) - glm::dvec2(mesh.texCoords[t.x]);
-    const double cross = u.x * v.y - u.y * v.x;
-    area += glm::length(normal), uvArea += std::abs(cross), turn += cross;
-  }
-  if (area > 0.0 && uvArea > 0.0) facts.metresPerUv = std::sqrt(area / uvArea);
-  facts.rightHanded = turn > 0.0;
-  return facts;
-}
-
 }  // namespace
 
 void Shapes::add(const Element& shape) {
@@ -201,7 +182,7 @@ int Shapes::materialOf(const Properties& shape, const Surface& surface, int mesh
                        const dmat4& place) {
   Scene& scene = context_.scene();
   UvFacts facts;
-  if (surface.look.relief != Look::Relief::kNone) facts = factsOf(scene.meshes[mesh], place);
+  if (surface.look.relief != Look::Relief::kNone) facts = uvFactsOf(scene.meshes[mesh], place);
   const std::string key =
       fmt::format("{} {} {} {:.3g} {}", static_cast<const void*>(surface.bsdf),
                   static_cast<const void*>(surface.emitter),

@@ -6,6 +6,7 @@
 #include "src/scene/fresnel.h"
 #include "src/scene/image_make.h"
 #include "src/scene/import_detail.h"
+#include "src/scene/relief.h"
 #include "src/scene/texture_file.h"
 
 namespace trex::detail {
@@ -98,7 +99,7 @@ int PbrtMaterials::make(std::string type, const PbrtParameters& parameters,
     context_.replace("this material is not known; grey 0.5 is shown");
     parameters.ignoreAll();
   }
-  if (!made.invisible) setNormals(parameters, made.material);
+  if (!made.invisible) setRelief(parameters, made);
   made.material.name = utf8Of(name.empty() ? type : name);
   made_.push_back(std::move(made));
   return static_cast<int>(made_.size()) - 1;
@@ -341,7 +342,8 @@ PbrtMaterials::Made PbrtMaterials::mix(const PbrtParameters& p) {
     context_.replace("of the two materials one in between is shown, a share of {:.3g} of '{:.80}'",
                      share, names[1]);
   }
-  return {between(withMeanMetal(a.material), withMeanMetal(b.material), share), false};
+  return {between(withMeanMetal(a.material), withMeanMetal(b.material), share), false,
+          share < 0.5f ? a.relief : b.relief};
 }
 
 void PbrtMaterials::setBase(const PbrtTexture& texture, Material& m) {
@@ -415,14 +417,27 @@ void PbrtMaterials::applyOpacity(const PbrtTexture& opacity, Material& m) {
   m.alphaMode = AlphaMode::kBlend;
 }
 
-void PbrtMaterials::setNormals(const PbrtParameters& p, Material& m) {
+/// Version 3 has a bumpmap; what version 4 calls displacement of a material is one too.
+void PbrtMaterials::setRelief(const PbrtParameters& p, Made& made) {
   for (const char* name : {"bumpmap", "displacement"}) {
-    if (p.find(name) != nullptr) context_.replace("its {} is not shown", name);
+    if (p.find(name) != nullptr) made.relief = textures_.number(p, name, 0.0f);
   }
   const std::string file = p.text("normalmap");
   if (file.empty() || !context_.options.loadTextures) return;
-  m.normalTexture.image = imageOfFile(context_.scene, context_.folder, file, false,
-                                      context_.where() + ": normalmap", "it is left out");
+  made.material.normalTexture.image =
+      imageOfFile(context_.scene, context_.folder, file, false, context_.where() + ": normalmap",
+                  "it is left out");
+}
+
+void PbrtMaterials::applyRelief(int number, const Mesh& mesh, const dmat4& place, Material& m) {
+  const PbrtTexture& relief = made_[number].relief;
+  if (!relief.varies() || mesh.texCoords.empty() || m.normalTexture.present()) return;
+  PbrtTexture heights{vec3(1.0f), relief.image};
+  heights.image.image = textures_.imageNamed("heights of " + textures_.imageOf(relief).name, [&] {
+    return textures_.bytesOf(heights, 1, [](float value) { return vec3(value); });
+  });
+  const double metres = (double(relief.factor.x) + relief.factor.y + relief.factor.z) / 3.0;
+  setBumps(context_.scene, heights.image, metres, uvFactsOf(mesh, place), m);
 }
 
 }  // namespace trex::detail

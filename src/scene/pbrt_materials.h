@@ -37,6 +37,10 @@ class PbrtMaterials {
   bool invisible(int number) const { return made_[number].invisible; }
   const Material& material(int number) const { return made_[number].material; }
 
+  bool hasRelief(int number) const { return made_[number].relief.varies(); }
+  /// Of a material with a bump map: as a normal map of the surface that it is on.
+  void applyRelief(int number, const Mesh& mesh, const dmat4& place, Material& m);
+
   /// Multiplies a material's alpha.
   void applyOpacity(const PbrtTexture& opacity, Material& m);
 
@@ -47,6 +51,7 @@ class PbrtMaterials {
   struct Made {
     Material material;
     bool invisible = false;
+    PbrtTexture relief{};  ///< metres, if it varies
   };
 
   bool makeV3(const std::string& type, const PbrtParameters& p, Material& m);
@@ -63,7 +68,7 @@ class PbrtMaterials {
   void setSpecular(const PbrtTexture& texture, Material& m);
   void setRoughness(const PbrtParameters& p, std::string_view prefix, float otherwise, bool v4,
                     Material& m);
-  void setNormals(const PbrtParameters& p, Material& m);
+  void setRelief(const PbrtParameters& p, Made& made);
 
   PbrtContext& context_;
   PbrtColors& colors_;

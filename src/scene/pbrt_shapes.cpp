@@ -46,7 +46,8 @@ bool PbrtShapes::add(const std::string& kind, const PbrtParameters& parameters,
 
   const bool imageShines =
       state.areaLight != nullptr && state.areaLight->find("filename") != nullptr;
-  const PbrtFaces faces{state.reverse, colors_.version4, material.textured() || imageShines};
+  const bool textured = material.textured() || materials_.hasRelief(state.material) || imageShines;
+  const PbrtFaces faces{state.reverse, colors_.version4, textured};
   Uses* uses = nullptr;
   if (quadric || kind == "plymesh") {
     uses =
@@ -60,7 +61,9 @@ bool PbrtShapes::add(const std::string& kind, const PbrtParameters& parameters,
     made->name = file.empty() ? kind : utf8Of(stemOf(file));
     sanitiseMesh(context_.scene, *made, context_.where());
   }
-  addEmission(made ? *made : context_.scene.meshes[uses->first], state, toWorld, material);
+  const Mesh& mesh = made ? *made : context_.scene.meshes[uses->first];
+  addEmission(mesh, state, toWorld, material);
+  materials_.applyRelief(state.material, mesh, toWorld, material);
   const std::string name = made ? made->name : context_.scene.meshes[uses->first].name;
   place(meshOf(std::move(made), uses, materials_.indexOf(material)), toWorld, name);
   return true;

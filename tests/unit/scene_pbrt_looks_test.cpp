@@ -562,5 +562,40 @@ TEST_F(ScenePbrtLooks, CamerasThatAreApproximated) {
   EXPECT_NEAR(c.lensRadius(), 0.005, 1e-6);
 }
 
+/// Heights in metres: on 4 m a texel of 4 is 1 m wide, and half a metre of white a slope of 1/2 a
+/// texel and unit of height.
+TEST_F(ScenePbrtLooks, BumpsAreSlopesInMetres) {
+  write("h.ppm", "P3 4 1 255\n0 0 0  64 64 64  128 128 128  64 64 64\n");
+  const std::string textures =
+      "Texture \"h\" \"float\" \"imagemap\" \"string filename\" \"h.ppm\" \"string encoding\" "
+      "\"linear\"\nTexture \"half\" \"float\" \"scale\" \"float scale\" .5 \"texture tex\" \"h\"\n"
+      "Texture \"even\" \"float\" \"constant\" \"float value\" .5\n";
+  const std::string quad =
+      "Shape \"bilinearmesh\" \"point3 P\" [0 0 0  4 0 0  0 4 0  4 4 0] \"point2 uv\" [0 0 1 0 0 1 "
+      "1 1]\n";
+  for (const char* name : {"Material \"matte\" \"texture bumpmap\" \"half\"\n",
+                           "Material \"diffuse\" \"texture displacement\" \"half\"\n"}) {
+    const Scene s = read(textures + name + quad);
+    EXPECT_EQ(s.replaced.count, 0u) << name;
+    const Texture& t = s.materials[s.meshes[0].material].normalTexture;
+    ASSERT_TRUE(t.present()) << name;
+    const Image& image = s.images[t.image];
+    ASSERT_EQ(image.width, 4);
+    const float scale = s.materials[s.meshes[0].material].normalScale;
+    for (int x = 0; x < 4; ++x) {
+      const vec3 n =
+          2.0f * vec3(image.bytes[3 * x], image.bytes[3 * x + 1], image.bytes[3 * x + 2]) / 255.0f -
+          1.0f;
+      const float slope = x == 1 ? 0.5f : x == 3 ? -0.5f : 0.0f;
+      EXPECT_NEAR(-scale * n.x / n.z, slope * 0.5f * 128.0f / 255.0f, 0.01f) << x;
+      EXPECT_NEAR(n.y / n.z, 0.0f, 0.01f);
+    }
+  }
+  const Scene flat =
+      read(textures + "Material \"diffuse\" \"texture displacement\" \"even\"\n" + quad);
+  EXPECT_FALSE(flat.materials[flat.meshes[0].material].normalTexture.present());
+  EXPECT_EQ(flat.replaced.count, 0u);
+}
+
 }  // namespace
 }  // namespace trex::test
