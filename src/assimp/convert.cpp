@@ -1,10 +1,12 @@
 #include "src/assimp/convert.h"
 
+#include <assimp/commonMetaData.h>
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <string_view>
 
 #include "src/assimp/gltf_writer.h"
 #include "src/assimp/lights.h"
@@ -46,10 +48,14 @@ double unitOf(const aiScene& scene) {
   return centimetres > 0.0 && std::isfinite(centimetres) ? centimetres * 0.01 : 1.0;
 }
 
-/// From the axes that an FBX file counts on to y up, -z forward.
+/// From the axes that an FBX file counts on, and Blender's, to y up, -z forward.
 aiMatrix4x4 axesOf(const aiScene& scene) {
   int up = 1, sign = 1;
-  if (scene.mMetaData == nullptr || !scene.mMetaData->Get("UpAxis", up)) return {};
+  if (scene.mMetaData == nullptr) return {};
+  aiString format;
+  scene.mMetaData->Get(AI_METADATA_SOURCE_FORMAT, format);
+  if (std::string_view(format.C_Str()).starts_with("Blender")) up = 2;
+  if (!scene.mMetaData->Get("UpAxis", up) && up == 1) return {};
   scene.mMetaData->Get("UpAxisSign", sign);
   const ai_real s = sign < 0 ? -1.0f : 1.0f;
   if (up == 2) return {1, 0, 0, 0, 0, 0, s, 0, 0, -s, 0, 0, 0, 0, 0, 1};

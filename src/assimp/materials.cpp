@@ -198,6 +198,13 @@ void MaterialWriter::writeTextures(const aiMaterial& from, Json& to) {
   set(to, "emissiveTexture", {aiTextureType_EMISSION_COLOR, aiTextureType_EMISSIVE});
   set(to, "normalTexture", {aiTextureType_NORMALS, aiTextureType_NORMAL_CAMERA});
   set(pbr, "metallicRoughnessTexture", {aiTextureType_UNKNOWN});
+  // Of what is no metal our reader sees the green channel alone: a map of roughness is grey.
+  const bool rough = !pbr.contains("metallicRoughnessTexture") && pbr["metallicFactor"] == 0.0f &&
+                     anyTexture(from, {aiTextureType_DIFFUSE_ROUGHNESS});
+  if (rough) {
+    set(pbr, "metallicRoughnessTexture", {aiTextureType_DIFFUSE_ROUGHNESS});
+    pbr["roughnessFactor"] = 1.0f;
+  }
   const std::string mask = pathOf(from, aiTextureType_OPACITY);
   if (!mask.empty() && mask == pathOf(from, aiTextureType_DIFFUSE)) {
     if (!to.contains("alphaMode")) to["alphaMode"] = "BLEND";
@@ -210,7 +217,7 @@ void MaterialWriter::writeTextures(const aiMaterial& from, Json& to) {
       {aiTextureType_DISPLACEMENT, "heights"},   {aiTextureType_SHININESS, "shininess"},
       {aiTextureType_REFLECTION, "surroundings"}};
   for (const auto& [kind, name] : kLeftOut) {
-    if (!anyTexture(from, {kind})) continue;
+    if (!anyTexture(from, {kind}) || (rough && kind == aiTextureType_DIFFUSE_ROUGHNESS)) continue;
     out_.replaced(fmt::format("material '{}': its map of {} is left out", name_, name));
   }
 }

@@ -29,7 +29,8 @@ constexpr std::array kExtensions = {
     "sib", "smd",   "uc",      "vta", "x",    "x3d",  "x3db", "xgl", "zae",     "zgl"};
 
 /// Of these the file tells the unit and what is up, or the format says it.
-constexpr std::array kKnowTheirUnits = {"fbx", "dae", "zae", "ifc", "ifczip", "x3d", "x3db"};
+constexpr std::array kKnowTheirUnits = {"blend", "fbx",    "dae", "zae",
+                                        "ifc",   "ifczip", "x3d", "x3db"};
 
 template <std::size_t N>
 bool among(const std::array<const char*, N>& list, const std::string& extension) {

@@ -157,8 +157,11 @@ class GltfMaterials {
 
  private:
   struct PendingImage {
-    int gltfImage;
+    int gltfImage;  ///< kNone: made of a glossy image
     bool srgb;
+    int glossy = kNone;       ///< image before, whose alpha is glossiness
+    float glossiness = 0.0f;  ///< its factor
+    bool operator==(const PendingImage&) const = default;
   };
 
   void convert(int index);
@@ -188,6 +191,7 @@ class GltfMaterials {
                   bool srgb);
   Texture textureProperty(Slot slot, const tinygltf::Value& object, const char* key, bool srgb);
   int sceneImage(int gltfImage, bool srgb);
+  int roughnessImage(int glossy, float glossiness);
   float inRange(double value, double low, double high, const char* what);
   float number(const tinygltf::Value& object, const char* key, double fallback, double low,
                double high);

@@ -76,6 +76,21 @@ Image roughnessAndMetallic(const Image* roughness, const Image* metallic) {
   return image;
 }
 
+Image roughnessOfGlossiness(const Image& glossy, float factor) {
+  Image one;
+  one.width = one.height = 1;
+  one.channels = 3;
+  one.bytes.resize(3);
+  const bool varies = glossy.width > 0 && (glossy.channels == 2 || glossy.channels == 4);
+  Image image = varies ? blank({&glossy}, 3) : one;
+  const int width = image.width, height = image.height;
+  fill(image, [&](int x, int y) {
+    const float alpha = varies ? valueAt(glossy, x, y, width, height).w : 1.0f;
+    return vec4(1.0f, 1.0f - factor * alpha, 1.0f, 1.0f);
+  });
+  return image;
+}
+
 bool looksLikeNormals(const Image& image) {
   if (image.channels < 3) return false;
   const vec4 mean = textureMean(image, false);

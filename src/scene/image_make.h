@@ -13,6 +13,10 @@ Image withOpacity(const Image* color, const Image& opacity);
 /// them may be null and counts as one.
 Image roughnessAndMetallic(const Image* roughness, const Image* metallic);
 
+/// Roughness in green, as above: 1 - factor * alpha, without an alpha channel 1 - factor. One texel
+/// of that if the image is empty.
+Image roughnessOfGlossiness(const Image& glossy, float factor);
+
 /// Whether an image looks like a tangent space normal map: its mean is near that of (0, 0, 1).
 bool looksLikeNormals(const Image& image);
 

@@ -218,7 +218,119 @@ def mf3(points, faces, color):
     return out.getvalue()
 
 
+def reals(values):
+    return ",".join("%.9f" % v for v in values)
+
+
+def ifc(points, faces, color):
+    lines = """IFCPERSON($,$,'x',$,$,$,$,$)
+IFCORGANIZATION($,'x',$,$,$)
+IFCPERSONANDORGANIZATION(#1,#2,$)
+IFCAPPLICATION(#2,'1','x','x')
+IFCOWNERHISTORY(#3,#4,$,.ADDED.,$,$,$,0)
+IFCCARTESIANPOINT((0.,0.,0.))
+IFCAXIS2PLACEMENT3D(#6,$,$)
+IFCGEOMETRICREPRESENTATIONCONTEXT($,'Model',3,1.E-5,#7,$)
+IFCSIUNIT(*,.LENGTHUNIT.,$,.METRE.)
+IFCSIUNIT(*,.PLANEANGLEUNIT.,$,.RADIAN.)
+IFCUNITASSIGNMENT((#9,#10))
+IFCPROJECT('1',#5,'p',$,$,$,$,(#8),#11)
+IFCLOCALPLACEMENT($,#7)
+IFCSITE('2',#5,'s',$,$,#13,$,$,.ELEMENT.,$,$,$,$,$)
+IFCBUILDING('3',#5,'b',$,$,#13,$,$,.ELEMENT.,$,$,$)
+IFCRELAGGREGATES('4',#5,$,$,#12,(#14))
+IFCRELAGGREGATES('5',#5,$,$,#14,(#15))
+IFCBUILDINGELEMENTPROXY('6',#5,'e',$,$,#13,#24,$,$)
+IFCRELCONTAINEDINSPATIALSTRUCTURE('7',#5,$,$,(#18),#15)
+IFCCOLOURRGB($,%s)
+IFCSURFACESTYLERENDERING(#20,0.,$,$,$,$,$,$,.FLAT.)
+IFCSURFACESTYLE($,.BOTH.,(#21))
+IFCPRESENTATIONSTYLEASSIGNMENT((#22))
+IFCPRODUCTDEFINITIONSHAPE($,$,(#25))
+IFCSHAPEREPRESENTATION(#8,'Body','Brep',(#26))
+IFCFACETEDBREP(#27)
+IFCCLOSEDSHELL((%s))
+IFCSTYLEDITEM(#26,(#23),$)""" % (reals(color), ",".join(f"#{29 + len(points) + 3 * i + 2}" for i in range(len(faces))))
+    lines = lines.split("\n")
+    lines += [f"IFCCARTESIANPOINT(({reals(p)}))" for p in points]
+    for i, f in enumerate(faces):
+        n = 29 + len(points) + 3 * i
+        lines += ["IFCPOLYLOOP((%s))" % ",".join(f"#{29 + k}" for k in f), f"IFCFACEOUTERBOUND(#{n},.T.)", f"IFCFACE((#{n + 1}))"]
+    return ("ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION((''),'2;1');\nFILE_NAME('','',(''),(''),'','','');\nFILE_SCHEMA(('IFC2X3'));\n"
+            "ENDSEC;\nDATA;\n" + "".join(f"#{i + 1}={line};\n" for i, line in enumerate(lines)) + "ENDSEC;\nEND-ISO-10303-21;\n")
+
+
+def lwo(points, faces, color):
+    def chunk(name, data, size=">I"):
+        data += b"\0" * (len(data) % 2)
+        return name + struct.pack(size, len(data)) + data
+    def sub(name, data):
+        return chunk(name, data, ">H")
+    surface = b"paint\0" + b"\0\0" + sub(b"COLR", struct.pack(">3fH", *color, 0))
+    surface += sub(b"DIFF", struct.pack(">fH", 1.0, 0)) + sub(b"SPEC", struct.pack(">fH", 0, 0))
+    data = chunk(b"TAGS", b"paint\0") + chunk(b"LAYR", struct.pack(">2H3f", 0, 0, 0, 0, 0) + b"\0\0")
+    data += chunk(b"PNTS", b"".join(struct.pack(">3f", *p) for p in points))
+    data += chunk(b"POLS", b"FACE" + b"".join(struct.pack(">4H", 3, *f) for f in faces))
+    data += chunk(b"PTAG", b"SURF" + b"".join(struct.pack(">2H", i, 0) for i in range(len(faces)))) + chunk(b"SURF", surface)
+    return b"FORM" + struct.pack(">I", len(data) + 4) + b"LWO2" + data
+
+
+def blend(points, faces, color):
+    sizes = {"char": 1, "short": 2, "int": 4, "float": 4, "void": 0}
+    structs = [("ListBase", "void *first,void *last"), ("ID", "char name[24]"),
+               ("Base", "Base *next,Base *prev,Object *object"),
+               ("Scene", "ID id,ListBase base"),
+               ("Object", "ID id,int type,float obmat[4][4],void *data"),
+               ("MVert", "float co[3],short no[3],char flag,char bweight"), ("MLoop", "int v,int e"), ("MPoly", "int loopstart,int totloop,short mat_nr,char flag,char pad"),
+               ("Material", "ID id,float r,float g,float b,float alpha"),
+               ("Mesh", "ID id,int totface,int totedge,int totvert,int totloop,int totpoly,int pad,MFace *mface,MVert *mvert,MLoop *mloop,"
+                        "MPoly *mpoly,Material **mat"),
+               ("MFace", "int v1,int v2,int v3,int v4")]
+    types = list(sizes) + [name for name, _ in structs]
+    names, layout = [], b""
+    for name, fields in structs:
+        fields = [f.split(" ") for f in fields.split(",")]
+        size = 0
+        layout += struct.pack("<2H", types.index(name), len(fields))
+        for kind, field in fields:
+            if field not in names:
+                names.append(field)
+            layout += struct.pack("<2H", types.index(kind), names.index(field))
+            count = 1
+            for part in field.split("[")[1:]:
+                count *= int(part[:-1])
+            size += 8 if field[0] == "*" else count * sizes[kind]
+        sizes[name] = size
+
+    def padded(data):
+        return data + b"\0" * (-len(data) % 4)
+
+    def texts(values):
+        return struct.pack("<I", len(values)) + padded(b"".join(v.encode() + b"\0" for v in values))
+    dna = b"SDNANAME" + texts(names) + b"TYPE" + texts(types) + b"TLEN" + padded(struct.pack(f"<{len(types)}H", *(sizes[t] for t in types)))
+    dna += b"STRC" + struct.pack("<I", len(structs)) + layout
+
+    def block(code, address, kind, data, count=1):
+        index = [s[0] for s in structs].index(kind) if kind else 0
+        return code + struct.pack("<IQ2I", len(data), address, index, count) + data
+
+    def named(text):
+        return text.encode().ljust(24, b"\0")
+    one = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]
+    mesh = named("MEmesh") + struct.pack("<6I", 0, 0, len(points), 3 * len(faces), len(faces), 0) + struct.pack("<5Q", 0, 50, 60, 70, 80)
+    return (b"BLENDER-v270" + block(b"SC\0\0", 10, "Scene", named("SCscene") + struct.pack("<2Q", 20, 20)) +
+            block(b"DATA", 20, "Base", struct.pack("<3Q", 0, 0, 30)) +
+            block(b"OB\0\0", 30, "Object", named("OBmesh") + struct.pack("<I16fQ", 1, *one, 40)) + block(b"ME\0\0", 40, "Mesh", mesh) +
+            block(b"DATA", 50, "MVert", b"".join(struct.pack("<3f8x", *p) for p in points), len(points)) +
+            block(b"DATA", 60, "MLoop", b"".join(struct.pack("<2I", i, 0) for f in faces for i in f), 3 * len(faces)) +
+            block(b"DATA", 70, "MPoly", b"".join(struct.pack("<2I4x", 3 * i, 3) for i in range(len(faces))), len(faces)) +
+            block(b"DATA", 80, None, struct.pack("<Q", 90)) +
+            block(b"MA\0\0", 90, "Material", named("MApaint") + struct.pack("<4f", *color, 1)) +
+            block(b"DNA1", 100, None, dna) + block(b"ENDB", 0, None, b""))
+
+
 # Of each format: its writer, whether it tells a colour (or which one assimp gives it), and its axes: y up, z up, or y up and left-handed.
 FORMATS = {"off": (off, False, "y"), "ac": (ac, True, "y"), "x3d": (x3d, True, "y"), "amf": (amf, False, "y"), "dxf": (dxf, (0.9, 0.9, 0.9), "z"),
            "nff": (nff, True, "y"), "smd": (smd, (1, 1, 1), "y"), "ogex": (ogex, False, "y"), "x": (x, True, "left"), "fbx": (fbx, True, "y"),
-           "dae": (dae, True, "y"), "3ds": (ds3, True, "z"), "3mf": (mf3, False, "y")}
+           "dae": (dae, True, "y"), "3ds": (ds3, True, "z"), "3mf": (mf3, False, "y"),
+           "ifc": (ifc, True, "z"), "lwo": (lwo, True, "left"), "blend": (blend, True, "z")}

@@ -315,6 +315,40 @@ TEST_F(SceneGltfMore, SpecularGlossiness) {
   EXPECT_EQ(s.replaced.count, 0u);
 }
 
+/// The alpha of its texture is glossiness: here 1 and 0.2, of which the factor leaves half.
+TEST_F(SceneGltfMore, SpecularGlossinessTexture) {
+  const std::string head("\0\0\2\0\0\0\0\0\0\0\0\0\2\0\1\0\x20\x28", 18);  // 2x1, 32 bits
+  const std::string colors("\xff\xff\xff\xff\x80\x80\x80\x33", 8);
+  for (const std::string& texels : {head + colors, tinyPng(), std::string("broken")}) {
+    GlbBuilder b = squareGlb();
+    primitive(b)["material"] = 0;
+    primitive(b)["attributes"]["TEXCOORD_0"] = b.floats({0, 1, 1, 1, 1, 0, 0, 0}, "VEC2");
+    b.doc["images"] = {{{"uri", "data:image/png;base64," + base64(texels)}}};
+    b.doc["textures"] = {{{"source", 0}}};
+    b.doc["materials"] = {
+        {{"extensions",
+          {{"KHR_materials_pbrSpecularGlossiness",
+            {{"glossinessFactor", 0.5}, {"specularGlossinessTexture", {{"index", 0}}}}}}}}};
+    b.doc["extensionsUsed"] = {"KHR_materials_pbrSpecularGlossiness"};
+    b.node({{"mesh", 0}});
+    const Scene s = import("a.glb", b.glb());
+    const Material& m = s.materials[s.meshes[0].material];
+    const bool broken = texels == "broken", alpha = texels.size() == head.size() + colors.size();
+    EXPECT_EQ(s.replaced.count, broken ? 1u : 0u)
+        << (s.replaced.texts.empty() ? "" : s.replaced.texts[0]);
+    ASSERT_TRUE(m.metallicRoughnessTexture.present());
+    EXPECT_EQ(m.specularColorTexture.present(), !broken);
+    Texture t = m.metallicRoughnessTexture;
+    t.nearest = true;
+    const auto roughness = [&](float u) {
+      return m.roughness * sampleTexture(s.images[t.image], t, {u, 0.5f}, false).y;
+    };
+    EXPECT_NEAR(roughness(0.25f), 0.5f, 0.003f);
+    EXPECT_NEAR(roughness(0.75f), alpha ? 0.9f : 0.5f, 0.003f);
+    EXPECT_EQ(m.metallic, 0.0f);
+  }
+}
+
 TEST_F(SceneGltfMore, Finishes) {
   GlbBuilder b = squareGlb();
   b.doc["materials"] = {
