@@ -27,38 +27,50 @@ bool sameSurface(const CausticPhoton& photon, const vec3& point, const vec3& nor
          std::abs(glm::dot(photon.position - point, normal)) <= kOffPlane * radius;
 }
 
-/// How much of a photon's kernel finds surfaces to be on, about: beyond an edge there are none, and
-/// what falls there would be lost. One point of the few is the photon's own.
-float shareOnSurfaces(const CausticPhoton& photon, float radius, const RayScene& rays,
-                      Sampler& sampler) {
-  constexpr int kPoints = 4, kLayers = 8;
+/// A random point of a photon's disk: what its kernel brings there to a surface, over what it would
+/// bring to a plane. Nothing beyond an edge.
+float probe(const CausticPhoton& photon, float radius, const RayScene& rays, Sampler& sampler) {
+  constexpr int kLayers = 8;
   const Basis basis(photon.normal);
+  // Of the kernel's density: 1 - (1 - (r / radius)^2)^2 is uniform.
+  const vec2 u = sampler.next2D();
+  const float away = radius * std::sqrt(1.0f - std::sqrt(1.0f - u.x)), phi = 2.0f * kPi * u.y;
+  const vec3 aside = away * (std::cos(phi) * basis.tangent + std::sin(phi) * basis.bitangent);
+  const vec3 up = glm::dot(photon.towards, photon.normal) < 0.0f ? -photon.normal : photon.normal;
   const float height = 1.5f * kOffPlane * radius;
-  float sum = 1.0f;
-  for (int i = 0; i < kPoints; ++i) {
-    // Of the kernel's density: 1 - (1 - (r / radius)^2)^2 is uniform.
-    const vec2 u = sampler.next2D();
-    const float away = radius * std::sqrt(1.0f - std::sqrt(1.0f - u.x)), phi = 2.0f * kPi * u.y;
-    const vec3 aside = away * (std::cos(phi) * basis.tangent + std::sin(phi) * basis.bitangent);
-    const float side = glm::dot(photon.towards, photon.normal) < 0.0f ? -1.0f : 1.0f;
-    const vec3 up = side * photon.normal;
-    RayStart from = dvec3(photon.position + aside + height * up);
-    float left = 2.0f * height;
-    for (int layer = 0; layer < kLayers; ++layer) {
-      RayHit hit;
-      if (!rays.intersect(from, -up, 0.0f, left, hit)) break;
-      const Surface surface = rays.surface(hit);
-      const vec3 point(surface.position), off = point - photon.position;
-      if (sameSurface(photon, point, surface.geometricNormal, radius)) {
-        const float cosine = std::abs(glm::dot(surface.geometricNormal, photon.normal));
-        sum += kernel(glm::dot(off, off), radius) / (kernel(away * away, radius) * cosine);
-        break;
-      }
-      from = surface.leave();
-      left -= hit.t;
+  RayStart from = dvec3(photon.position + aside + height * up);
+  float left = 2.0f * height;
+  for (int layer = 0; layer < kLayers; ++layer) {
+    RayHit hit;
+    if (!rays.intersect(from, -up, 0.0f, left, hit)) break;
+    const Surface surface = rays.surface(hit);
+    const vec3 point(surface.position), off = point - photon.position;
+    if (sameSurface(photon, point, surface.geometricNormal, radius)) {
+      const float cosine = std::abs(glm::dot(surface.geometricNormal, photon.normal));
+      return kernel(glm::dot(off, off), radius) / (kernel(away * away, radius) * cosine);
     }
+    from = surface.leave();
+    left -= hit.t;
   }
-  return sum / (kPoints + 1);
+  return 0.0f;
+}
+
+/// What a photon's power takes so that nothing is lost beyond edges: 1 over the share s of its
+/// kernel that finds surfaces. Of n points in it and one more that does, n + 1 over those that do
+/// is (1 - (1 - s)^(n + 1)) / s on average; how many more are wanted until one does, where n + 1 do
+/// not, is the rest.
+float gainOfEdges(const CausticPhoton& photon, float radius, const RayScene& rays,
+                  Sampler& sampler) {
+  constexpr int kPoints = 3, kMostPoints = 64;
+  float sum = 1.0f;
+  for (int i = 0; i < kPoints; ++i) sum += probe(photon, radius, rays, sampler);
+  float gain = (kPoints + 1) / sum;
+  if (sum > 1.0f || probe(photon, radius, rays, sampler) > 0.0f) return gain;
+  for (int i = 0; i < kMostPoints; ++i) {
+    gain += 1.0f;
+    if (probe(photon, radius, rays, sampler) > 0.0f) break;
+  }
+  return gain;
 }
 
 }  // namespace
@@ -105,8 +117,9 @@ CausticMap::CausticMap(std::span<const CausticPhoton> photons, const CausticWidt
     for (std::size_t i = chunk * kChunk; i < std::min(photons.size(), (chunk + 1) * kChunk); ++i) {
       Sampler sampler(0x73706f74u, static_cast<std::uint32_t>(i), 0);
       levels[i] = widths.level(photons[i], sampler.next2D());
-      whole[i].power /=
-          shareOnSurfaces(photons[i], widths.radius(levels[i]) * shrink, rays, sampler);
+      const auto radius = [&] { return widths.radius(levels[i]) * shrink; };
+      while (levels[i] > 0 && probe(photons[i], radius(), rays, sampler) <= 0.0f) --levels[i];
+      whole[i].power *= gainOfEdges(photons[i], radius(), rays, sampler);
     }
   });
   std::array<std::vector<CausticPhoton>, CausticWidths::kLevels> byLevel;

@@ -57,8 +57,8 @@ class CausticWidths {
 /// Photons of one map, by place. Immutable, so thread safe.
 class CausticMap {
  public:
-  /// Each photon is spread over a disk of the width at its place times `shrink`, as far as there
-  /// are surfaces in it.
+  /// Each photon is spread over a disk of the width at its place times `shrink`, or of a smaller
+  /// one by chance where the disk hangs over edges, as far as there are surfaces in it.
   CausticMap(std::span<const CausticPhoton> photons, const CausticWidths& widths, float shrink,
              const RayScene& rays);
   /// Radiance that leaves the surface towards the eye of the Bsdf by its broad lobes and, if asked

@@ -214,35 +214,42 @@ TEST(Caustics, PhotonsAreAimedAtSmallMirrors) {
   EXPECT_NEAR(power / (5.0 * 4e-4 * 0.95 / (distance2 * std::sqrt(distance2))), 1.0, 0.05);
 }
 
-/// A tile half as wide as the photons' disks takes all of their light.
-TEST(Caustics, DisksEndWhereSurfacesDo) {
+/// Tiles and ribbons narrower than the photons' disks take all of their light.
+class EdgesOfDisks : public testing::TestWithParam<vec2> {};
+
+TEST_P(EdgesOfDisks, LoseNoLight) {
   Scene scene;
   scene.materials = {test::lambert(1.0f)};
-  constexpr float kHalf = 0.05f;
-  test::place(scene, test::sheet(kHalf, 0.0f, 0));
+  const vec3 half(GetParam().x, 0.0f, GetParam().y);
+  Mesh tile = test::sheet(1.0f, 0.0f, 0);
+  for (vec3& p : tile.positions) p *= half;
+  test::place(scene, tile);
   const RayScene rays(scene);
-  constexpr std::uint32_t kCount = 1024, kAcross = 16;
+  constexpr std::uint32_t kCount = 4096, kAcross = 64;
   std::vector<CausticPhoton> photons;
   const vec3 up(0.0f, 1.0f, 0.0f);
   for (std::uint32_t i = 0; i < kCount; ++i) {
-    const vec2 u = Sampler(7, i, 0).next2D();
-    photons.push_back({kHalf * vec3(2.0f * u.x - 1.0f, 0.0f, 2.0f * u.y - 1.0f), up, up,
-                       vec3(1.0f / kCount), false});
+    const vec2 u = 2.0f * Sampler(7, i, 0).next2D() - 1.0f;
+    photons.push_back({half * vec3(u.x, 0.0f, u.y), up, up, vec3(1.0f / kCount), false});
   }
   const CausticWidths widths(photons, 1.0f, 1e9);  // the widest: 0.1 m
   const CausticMap map(photons, widths, 1.0f, rays);
-  double flux = 0.0;
+  double sum = 0.0;
   for (std::uint32_t i = 0; i < kAcross * kAcross; ++i) {
     const vec2 at = (vec2(i % kAcross, i / kAcross) + 0.5f) * (2.0f / kAcross) - 1.0f;
     RayHit hit;
-    ASSERT_TRUE(rays.intersect(vec3(kHalf * at.x, 1.0f, kHalf * at.y), -up, 0.0f, kInfinity, hit));
+    ASSERT_TRUE(rays.intersect(half * vec3(at.x, 0.0f, at.y) + up, -up, 0.0f, kInfinity, hit));
     const Surface surface = rays.surface(hit);
-    const Bsdf bsdf(scene, surface, up);
-    flux += static_cast<double>(map.radiance(surface, bsdf, true).x) * kPi * 4.0 * kHalf * kHalf /
-            (kAcross * kAcross);
+    sum += static_cast<double>(map.radiance(surface, Bsdf(scene, surface, up), true).x);
   }
-  EXPECT_NEAR(flux, 1.0, 0.05);
+  const double area = 4.0 * double(half.x) * double(half.z);
+  EXPECT_NEAR(sum * kPi * area / (kAcross * kAcross), 1.0, 0.03);
 }
+
+INSTANTIATE_TEST_SUITE_P(Caustics, EdgesOfDisks,
+                         testing::Values(vec2(0.2f, 0.2f), vec2(0.05f, 0.05f), vec2(0.01f, 0.01f),
+                                         vec2(0.5f, 0.01f), vec2(0.5f, 0.002f),
+                                         vec2(0.001f, 0.001f)));
 
 TEST(Caustics, MapsDependOnNothingButTheirNumber) {
   Scene scene = floorFrom(0.3f, 0.0f, 1.0f);
