@@ -52,6 +52,11 @@ class Bsdf {
   /// that kind's alone. True: the sharp one. Not for deltas.
   bool goesOnSharp(Sampler& sampler, BsdfSample& sampled) const;
 
+  /// What a photon's power that came from `outgoing` takes on its way to `next`, beside its weight,
+  /// where the shading normal is not the geometric one: so that photons carry what paths find
+  /// [Veach 1997, 5.3.2]. At most 16, of photons that graze the triangle.
+  float photonFactor(const vec3& next) const;
+
   /// Radiance emitted towards `outgoing`; 0 behind a single-sided emitter. The base colour if
   /// unlit.
   vec3 emission() const { return emission_; }

@@ -228,7 +228,7 @@ void CausticLights::follow(const Start& start, Sampler& sampler,
       if (!clear.begun()) clear.begin(direction, 0.0f);
       clear.refract(bsdf.normal(), bsdf.eta(), next.direction);
     }
-    power *= next.weight * next.etaSquared;
+    power *= next.weight * (next.etaSquared * bsdf.photonFactor(next.direction));
     const float survival = std::min(1.0f, maxComponent(power) / most);
     if (!(survival > 0.0f) || sampler.next1D() >= survival) return;
     power /= survival;

@@ -68,7 +68,7 @@ void follow(const Scene& scene, const RayScene& rays, Sampler& sampler, const Em
       }
       if (!bsdf.sample(sampler, next)) return;
       if (!next.delta || !next.transmitted || !ClearLayers::clear(bsdf)) ++turns;
-      power *= next.weight * next.etaSquared;
+      power *= next.weight * (next.etaSquared * bsdf.photonFactor(next.direction));
       const float survival = std::min(1.0f, maxComponent(power) / emitted);
       if (!(survival > 0.0f) || sampler.next1D() >= survival) return;
       power /= survival;

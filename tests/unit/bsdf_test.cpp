@@ -176,6 +176,19 @@ TEST_P(BsdfTest, ReflectionIsReciprocal) {
   EXPECT_NEAR(a, b, 1e-3f * (a + b) + 1e-6f);
 }
 
+/// With bent normals too, of what arrives along a way as much goes on whichever end it comes from.
+TEST_P(BsdfTest, PhotonsCarryWhatPathsFind) {
+  const vec3 geometric = surface_.geometricNormal;
+  surface_.shadingNormal = glm::normalize(geometric + 0.4f * surface_.tangent);
+  const vec3 out = outgoing(surface_, GetParam().cosine);
+  const vec3 in = Basis(geometric).toWorld(glm::normalize(vec3(0.4f, 0.3f, 0.6f)));
+  const Bsdf path(scene_, surface_, out), photon(scene_, surface_, in);
+  const float found = path.evaluate(in).y / glm::dot(in, geometric);
+  const float carried =
+      photon.evaluate(out).y * photon.photonFactor(out) / glm::dot(out, geometric);
+  EXPECT_NEAR(found, carried, 1e-3f * (found + carried) + 1e-6f);
+}
+
 INSTANTIATE_TEST_SUITE_P(Materials, BsdfTest, ::testing::ValuesIn(cases()),
                          [](const auto& parameter) { return parameter.param.name; });
 

@@ -350,6 +350,20 @@ TEST(Caustics, NearMirrorsThrowWhatTheyThrowWithoutPhotons) {
   }
 }
 
+/// Normals of a curved near mirror that its triangles do not follow.
+TEST(Caustics, BentNormalsThrowWhatTheyThrowWithoutPhotons) {
+  Scene scene = roomWithWall(nearMirror(1.0f, 0.0f), false);
+  for (Mesh& mesh : scene.meshes) {
+    if (mesh.material != 1) continue;
+    for (const vec3& p : mesh.positions) {
+      mesh.normals.push_back(glm::normalize(vec3(1.0f, 0.7f + 0.3f * p.y, 0.3f * p.z)));
+    }
+  }
+  const Estimate with = brightness(scene, 64, true), without = brightness(scene, 128, false);
+  EXPECT_NEAR(with.mean / without.mean, 1.0, 0.005 + 4.0 * without.error / without.mean);
+  EXPECT_LT(4.0 * without.error / without.mean, 0.03);
+}
+
 /// Near mirrors and mirrors together against a small lamp, which paths find.
 TEST(Caustics, NearMirrorsAndMirrorsAsOfASmallLamp) {
   Scene scene = roomWithWall(nearMirror(1.0f, 0.0f), true);
