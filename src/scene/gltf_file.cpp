@@ -35,9 +35,14 @@ struct Container {
 Container takeApart(const GltfContext& context, Bytes bytes) {
   const char* text = reinterpret_cast<const char*>(bytes.data());
   if (bytes.size() < 4 || std::memcmp(text, "glTF", 4) != 0) {
-    std::string extension = context.path.extension().string();
-    if (extension == ".glb" || extension == ".GLB") context.bad("not a .glb file (wrong magic)");
-    return {{text, bytes.size()}, {}};
+    const std::string_view json(text, bytes.size());
+    const std::size_t first = json.find_first_not_of("\xef\xbb\xbf \t\r\n");
+    const std::string extension = context.path.extension().string();
+    const bool binary = extension == ".glb" || extension == ".GLB";
+    if (binary && (first == json.npos || json[first] != '{')) {
+      context.bad("not a .glb file (wrong magic)");
+    }
+    return {json, {}};
   }
   constexpr std::size_t kJson = kHeader + kChunkHeader;
   if (bytes.size() < kJson) context.bad("truncated: {} bytes are no .glb file", bytes.size());
@@ -159,6 +164,10 @@ std::string percentDecoded(const std::string& text) {
 /// The file that a URI names. Throws Error(kInput) if it is of the network.
 std::filesystem::path fileOf(const GltfContext& context, const std::string& uri,
                              const std::string& who) {
+  constexpr std::string_view kLocal = "file://";
+  if (uri.starts_with(kLocal)) {
+    return findFile(context.path.parent_path(), percentDecoded(uri.substr(kLocal.size())));
+  }
   if (uri.find(':') < 12 && uri.find('/') > uri.find(':')) {
     fail(ExitCode::kInput, "{}: '{:.80}': only files and base64 data URIs can be read", who, uri);
   }
@@ -231,8 +240,6 @@ void readBuffers(GltfContext& context, std::string_view json, Bytes binary) {
     if (length > to.bytes.size()) {
       context.replace("{}: its byteLength is {}, but it has {} bytes; what they hold is shown", who,
                       length, to.bytes.size());
-    } else {
-      to.bytes = to.bytes.first(length);
     }
   }
 }

@@ -1,5 +1,8 @@
 #include "src/scene/gltf_repair.h"
 
+#include <algorithm>
+#include <array>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 namespace trex::detail {
@@ -119,14 +122,60 @@ class GltfRepair {
   const TryGltf& problemOf_;
 };
 
+/// JSON with 0 for what is no number in it, though some exporters write it.
+std::string finite(const std::string& json, std::uint64_t& count) {
+  constexpr std::array<std::string_view, 6> kWords = {"Infinity", "-Infinity", "NaN",
+                                                      "-NaN",     "nan",       "inf"};
+  constexpr std::string_view kFirst = "INni-";
+  std::string out;
+  bool inText = false;
+  for (std::size_t i = 0; i < json.size(); ++i) {
+    const std::string_view rest = std::string_view(json).substr(i);
+    const bool mayBegin = !inText && kFirst.find(json[i]) != kFirst.npos;
+    const auto word = std::find_if(kWords.begin(), kWords.end(), [&](std::string_view w) {
+      return mayBegin && rest.starts_with(w);
+    });
+    if (word != kWords.end()) {
+      out.push_back('0');
+      ++count;
+      i += word->size() - 1;
+      continue;
+    }
+    inText ^= json[i] == '"';
+    out.push_back(json[i]);
+    if (inText && json[i] == '\\' && i + 1 < json.size()) out.push_back(json[++i]);
+  }
+  return out;
+}
+
+/// Counts and indices that were written as 3.0.
+void makeWhole(Json& json) {
+  if (json.is_structured()) {
+    for (Json& part : json) makeWhole(part);
+  } else if (json.is_number_float()) {
+    const double value = json.get<double>();
+    if (std::abs(value) < 0x1p53 && std::trunc(value) == value)
+      json = static_cast<std::int64_t>(value);
+  }
+}
+
 }  // namespace
 
 std::string repairedGltf(GltfContext& context, const std::string& json, const TryGltf& problemOf) {
   if (json.size() > kMostRepaired) return {};
   Json document = Json::parse(json, nullptr, false);
+  if (document.is_discarded()) {
+    std::uint64_t count = 0;
+    document = Json::parse(finite(json, count), nullptr, false);
+    if (document.is_object() && count > 0) {
+      context.scene.replaced.add(
+          fmt::format("{}: {} numbers are not finite; 0 is used", context.name, count), count);
+    }
+  }
   if (!document.is_object() || !document.contains("asset") || !document["asset"].is_object()) {
     return {};  // some other JSON
   }
+  makeWhole(document);
   GltfRepair(context, document, problemOf).run();
   return dumped(document);
 }

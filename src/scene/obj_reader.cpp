@@ -157,10 +157,16 @@ void ObjReader::readLibraries(std::string_view line) {
   if (readLibrary(line)) return;
   line = withoutComment(line);
   if (readLibrary(line)) return;
+  std::filesystem::path renamed = path_.filename();
+  renamed.replace_extension(".mtl");
   for (std::string_view name = nextWord(line); !name.empty(); name = nextWord(line)) {
     if (readLibrary(name)) continue;
-    replace("no material file {}; grey is used",
-            (path_.parent_path() / std::string(name)).string());
+    const std::string missing = (path_.parent_path() / std::string(name)).string();
+    if (readLibrary(renamed.string())) {
+      replace("no material file {}; {} is used", missing, renamed.string());
+    } else {
+      replace("no material file {}; grey is used", missing);
+    }
   }
 }
 

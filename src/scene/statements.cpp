@@ -73,6 +73,12 @@ bool Statements::next(std::string_view& keyword, std::string_view& arguments) {
 
 bool parseNumber(std::string_view word, double& value) {
   if (parseDouble(word, value)) return true;
+  // A comma for the point, as in half of the world, and Fortran's exponents.
+  std::string foreign(word);
+  const std::size_t comma = foreign.find(','), power = foreign.find_first_of("dD");
+  if (comma != foreign.npos && foreign.find('.') == foreign.npos) foreign[comma] = '.';
+  if (power != foreign.npos) foreign[power] = 'e';
+  if (foreign != word && parseDouble(foreign, value)) return true;
   if (word.find("#QNAN") == word.npos && word.find("#INF") == word.npos &&
       word.find("#IND") == word.npos && word.find("#SNAN") == word.npos) {
     return false;

@@ -45,8 +45,8 @@ class LeftOut {
 /// A name without the comment behind it, if it looks like having one.
 std::string_view withoutComment(std::string_view arguments);
 
-/// Number of a word. "1.#QNAN", "1.#INF" and "-1.#IND", as one compiler's library writes what is
-/// not finite, are not-a-number. False for other words.
+/// Number of a word; "0,5" is one half, and "1.0D2" a hundred. "1.#QNAN", "1.#INF" and "-1.#IND",
+/// as one compiler's library writes what is not finite, are not-a-number. False for other words.
 bool parseNumber(std::string_view word, double& value);
 
 }  // namespace trex::detail

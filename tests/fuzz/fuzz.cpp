@@ -91,7 +91,10 @@ void importAndCheck(const std::filesystem::path& path, const std::string& animat
   setLogLevel(LogLevel::kQuiet);
   Scene scene;
   try {
-    scene = importScene(path, {.loadTextures = false, .animation = animation, .atSeconds = 0.5});
+    scene = importScene(path, {.loadTextures = false,
+                               .environmentGiven = true,  // a sky takes longer than the file
+                               .animation = animation,
+                               .atSeconds = 0.5});
   } catch (const Error& error) {
     require(error.code() == (animation.empty() ? ExitCode::kInput : error.code()));
     require(std::string_view(error.what()).find('\n') == std::string_view::npos);
@@ -103,7 +106,8 @@ void importAndCheck(const std::filesystem::path& path, const std::string& animat
 void streamAndCheck(const std::filesystem::path& path, double pointSize) {
   setLogLevel(LogLevel::kQuiet);
   try {
-    const auto stream = openTriangleStream(path, {.loadTextures = false, .pointSize = pointSize});
+    const auto stream = openTriangleStream(
+        path, {.loadTextures = false, .environmentGiven = true, .pointSize = pointSize});
     const Scene& scene = stream->scene();
     TriangleBatch batch;
     std::uint64_t triangles = 0;
@@ -126,6 +130,10 @@ void streamAndCheck(const std::filesystem::path& path, double pointSize) {
   } catch (const Error& error) {
     require(error.code() == ExitCode::kInput);
   }
+}
+
+bool contains(Bytes bytes, std::string_view text) {
+  return std::search(bytes.begin(), bytes.end(), text.begin(), text.end()) != bytes.end();
 }
 
 std::pair<Bytes, Bytes> split(Bytes bytes, std::string_view separator) {

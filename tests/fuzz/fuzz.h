@@ -41,6 +41,8 @@ void importAndCheck(const std::filesystem::path& path, const std::string& animat
 /// of PLY clouds are shown.
 void streamAndCheck(const std::filesystem::path& path, double pointSize = 0.0);
 
+bool contains(Bytes bytes, std::string_view text);
+
 /// Splits an input in two at the first line `separator`; the second part is empty without one.
 std::pair<Bytes, Bytes> split(Bytes bytes, std::string_view separator);
 

@@ -554,5 +554,35 @@ TEST(VertexColours, DarkOnesDoNotBand) {
   EXPECT_EQ(packVertexColor(vec4(-1.0f, 2.0f, std::nanf(""), 0.5f)), glm::u8vec4(0, 255, 0, 128));
 }
 
+/// Half of the world writes a comma, Fortran a D.
+TEST_F(SceneExporters, NumbersOfOtherTongues) {
+  const std::vector<vec3> right = {{0.5f, 0, 0}, {100, 0, 0}, {0, -1.25f, 0}};
+  const Scene obj = import("a.obj", "v 0,5 0,0 0\nv 1.0D+2 0 0\nv 0 -1,25 0\nf 1 2 3\n");
+  const auto expectRight = [&](const Mesh& m) {
+    for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(vec3(m.origin) + m.positions[i], right[i]);
+  };
+  expectRight(obj.meshes[0]);
+  EXPECT_EQ(obj.replaced.count, 0u);
+  const Scene stl =
+      import("a.stl",
+             "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0,5 0 0\nvertex 1d2 0 0\n"
+             "vertex 0 -1,25 0\nendloop\nendfacet\nendsolid a\n");
+  expectRight(stl.meshes[0]);
+  EXPECT_TRUE(
+      anyReplaced(import("b.obj", "v 0,5,5 0 0\nv 1 0 0\nv 0 1 0\nv 2 2 2\nf 4 2 3\n"), "0,5,5"));
+  EXPECT_TRUE(anyReplaced(import("c.obj", "v 1,000.5 0 0\nv 1 0 0\nv 0 1 0\nv 2 2 2\nf 4 2 3\n"),
+                          "1,000.5"));
+}
+
+TEST_F(SceneExporters, MaterialsOfARenamedModel) {
+  write("new.mtl", "newmtl x\nKd 1 0 0\n");
+  const std::string model = "mtllib old.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl x\nf 1 2 3\n";
+  const Scene s = import("new.obj", model);
+  EXPECT_EQ(s.materials[s.meshes[0].material].baseColor, vec4(1, 0, 0, 1));
+  EXPECT_EQ(s.replaced.count, 1u);
+  EXPECT_TRUE(anyReplaced(s, "old.mtl; new.mtl is used"));
+  EXPECT_TRUE(anyReplaced(import("other.obj", model), "old.mtl; grey is used"));
+}
+
 }  // namespace
 }  // namespace trex::test

@@ -514,5 +514,35 @@ TEST_F(SceneGltf, NamesOfFilesInUris) {
   }
 }
 
+/// What exporters write though the standard has it otherwise.
+TEST_F(SceneGltf, LooseJson) {
+  GlbBuilder b = triangleGlb();
+  b.doc["buffers"] = {
+      {{"byteLength", 30}, {"uri", "file://" + (folder_ / "my%20file.bin").string()}}};
+  write("my file.bin", b.bin);
+  const std::string text = b.doc.dump();
+  const auto with = [&](const std::string& from, const std::string& to) {
+    std::string changed = text;
+    const std::size_t at = changed.find(from);
+    EXPECT_NE(at, std::string::npos) << from;
+    return changed.replace(at, from.size(), to);
+  };
+  // Under the other extension, a buffer longer than it says, a URI with its scheme.
+  for (const char* name : {"a.gltf", "a.glb"}) {
+    const Scene s = import(name, text);
+    EXPECT_EQ(s.triangleCount(), 1u);
+    EXPECT_EQ(s.replaced.count, 0u);
+  }
+  EXPECT_EQ(import("whole.gltf", with("\"count\":3", "\"count\":3.0")).triangleCount(), 1u);
+  const Scene nan = import(
+      "nan.gltf", with("\"mesh\":0",
+                       "\"mesh\":0,\"name\":\"a NaN \\\"inf\",\"translation\":[NaN,2,-Infinity]"));
+  EXPECT_EQ(nan.bounds().lower, dvec3(0, 2, 0));
+  EXPECT_EQ(nan.replaced.count, 2u);
+  EXPECT_EQ(nan.objects.at(0), "a NaN \"inf");
+  EXPECT_THROW(import("bad.glb", "no glTF"), Error);
+  EXPECT_THROW(import("blank.glb", "  "), Error);
+}
+
 }  // namespace
 }  // namespace trex::test
