@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "src/crays/lobe_mean.h"
 #include "src/crays/microfacet.h"
 #include "src/scene/emission.h"
 #include "src/scene/texture.h"
@@ -164,16 +165,39 @@ void Bsdf::chooseLobes() {
                (lobes_.coat == 0.0f || coat_.alpha < kSmallestAlpha);
   showsOthers_ = lobes_.diffuse + lobes_.sheen == 0.0f && alpha_ <= kClearAlpha &&
                  (lobes_.coat == 0.0f || coat_.alpha <= kClearAlpha);
-  // A broad specular lobe of a few percent may be cached as if diffuse; a metal's may not.
-  const vec3 broad = smooth_ ? vec3(0.0f) : reflect * (1.0f - metallic_) * (1.0f - transmission_);
-  cachedAlbedo_ = glm::min(diffuse_ * (1.0f - dielectric) + broad, vec3(1.0f));
   const float sharp = (smooth_ ? lobes_.specular : lobes_.specular * metallic_) +
                       (coat_.alpha <= kSharpAlpha ? lobes_.coat : 0.0f);
   cacheable_ = sharp + lobes_.transmission <= 0.1f;
-  albedo_ = lobes_.transmission == 0.0f
-                ? glm::min(diffuse_ * (1.0f - dielectric) + reflect, vec3(1.0f))
-                : (cacheable_ ? cachedAlbedo_ : vec3(1.0f));
-  if (finished_) finishAlbedos();
+}
+
+vec3 Bsdf::diffuseAlbedo() const {
+  if (lobes_.specular == 0.0f) return diffuse_;
+  return diffuse_ * (1.0f - interface(diffuseMeanCosine(out_.z)));
+}
+
+vec3 Bsdf::glossAlbedo() const {
+  if (smooth_ || lobes_.specular == 0.0f) return fresnel(out_.z);
+  const float alpha =
+      anisotropic_ ? std::sqrt(0.5f * (alpha_ * alpha_ + across_ * across_)) : alpha_;
+  const LobeMean mean = ggxMean(out_.z, alpha);
+  return fresnel(mean.cosine) * mean.energy;
+}
+
+vec3 Bsdf::cachedAlbedo() const {
+  // A broad specular lobe of a few percent may be cached as if diffuse; a metal's may not.
+  const vec3 gloss =
+      smooth_ ? vec3(0.0f) : glossAlbedo() * ((1.0f - metallic_) * (1.0f - transmission_));
+  return albedoOf(diffuseAlbedo(), gloss, coat_.alpha > kSharpAlpha);
+}
+
+vec3 Bsdf::albedo() const {
+  if (lobes_.transmission == 0.0f) return albedoOf(diffuseAlbedo(), glossAlbedo(), true);
+  return cacheable_ ? cachedAlbedo() : vec3(1.0f);
+}
+
+/// With the finish over both; `coat`: of what that reflects too.
+vec3 Bsdf::albedoOf(const vec3& diffuse, const vec3& gloss, bool coat) const {
+  return glm::min(finished_ ? finishAlbedo(diffuse, gloss, coat) : diffuse + gloss, vec3(1.0f));
 }
 
 vec3 Bsdf::evaluateReflection(const vec3& in, LobeKind kind) const {

@@ -80,12 +80,12 @@ class Bsdf {
   bool oneLobe() const { return lobes_.specular == 1.0f || lobes_.transmission == 1.0f; }
   /// Reflectance that a cache of irradiance can serve: the diffuse albedo plus that of the broad
   /// part of the specular lobe. [0, 1].
-  vec3 cachedAlbedo() const { return cachedAlbedo_; }
+  vec3 cachedAlbedo() const;
   /// True if cachedAlbedo() tells nearly all of what leaves the surface.
   bool cacheable() const { return cacheable_; }
-  /// What it reflects of light from everywhere, about, by its colour; one if most of its light is
-  /// what it lets pass. [0, 1].
-  vec3 albedo() const { return albedo_; }
+  /// What it reflects of light from everywhere, by its colour, off by up to 0.03; one if most of its
+  /// light is what it lets pass. [0, 1].
+  vec3 albedo() const;
   /// Unit geometric and shading normals on the side of `outgoing`.
   const vec3& geometricNormal() const { return geometricNormal_; }
   const vec3& normal() const { return basis_.normal; }
@@ -125,7 +125,11 @@ class Bsdf {
   static vec3 seen(const vec3& normal, const vec3& outgoing);
   void readFinish(const Scene& scene, const Surface& surface, const vec3& outgoing);
   void addFinishLobes();
-  void finishAlbedos();
+  vec3 diffuseAlbedo() const;
+  vec3 glossAlbedo() const;
+  vec3 albedoOf(const vec3& diffuse, const vec3& gloss, bool coat) const;
+  float lowerSheen() const;
+  vec3 finishAlbedo(const vec3& diffuse, const vec3& gloss, bool coat) const;
   vec3 fresnel(float cosine) const;
   float interface(float cosine) const;
   bool coatIs(LobeKind kind) const;
@@ -157,8 +161,7 @@ class Bsdf {
   Basis basis_{vec3(0, 0, 1)};
   vec3 geometricNormal_, out_;  ///< out_: outgoing in the basis
   vec3 smoothNormal_;           ///< whose horizon counts, besides the triangle's own
-  vec3 emission_{0.0f}, diffuse_{0.0f}, f0_{0.0f}, transmissionTint_{0.0f}, cachedAlbedo_{0.0f},
-      albedo_{0.0f};
+  vec3 emission_{0.0f}, diffuse_{0.0f}, f0_{0.0f}, transmissionTint_{0.0f};
   vec3 metalColor_{0.0f}, metalEta_{0.0f}, metalK_{0.0f}, absorption_{0.0f};
   float f90_ = 1.0f, metallic_ = 0.0f, transmission_ = 0.0f, alpha_ = 1.0f, coverage_ = 1.0f;
   float eta_ = 1.0f;     ///< index on the far side over this side, if it refracts

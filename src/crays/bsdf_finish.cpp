@@ -3,6 +3,7 @@
 
 #include "src/crays/bsdf.h"
 #include "src/crays/finish.h"
+#include "src/crays/lobe_mean.h"
 #include "src/crays/microfacet.h"
 #include "src/scene/texture.h"
 
@@ -94,15 +95,32 @@ void Bsdf::addFinishLobes() {
   lobes_.coat = coat;
 }
 
-void Bsdf::finishAlbedos() {
-  const float fibres = maxComponent(sheen_.color) * sheen_.albedo,
-              coat = coat_.weight > 0.0f ? coat_.weight * coatFresnel(coat_.out.z) : 0.0f;
-  const vec3 sheen = sheen_.color * sheen_.albedo;
-  const auto with = [&](const vec3& base, float mirrored) {
-    return glm::min((base * (1.0f - fibres) + sheen) * (1.0f - coat) + mirrored, vec3(1.0f));
-  };
-  cachedAlbedo_ = with(cachedAlbedo_, coat_.alpha <= kSharpAlpha ? 0.0f : coat);
-  if (lobes_.transmission == 0.0f) albedo_ = with(albedo_, coat);
+/// Mean of the sheen's albedo at the lower of two directions: the one seen, and all of arriving
+/// light, weighted by their cosines.
+float Bsdf::lowerSheen() const {
+  float sum = 0.0f;
+  for (float cosine : {0.408f, 0.707f, 0.913f}) {  // the middle of a third of the light each
+    sum += std::max(sheen_.albedo, sheenAlbedo(cosine, sheen_.alpha));
+  }
+  return sum / 3.0f;
+}
+
+/// As underFinish(), of light from everywhere.
+vec3 Bsdf::finishAlbedo(const vec3& diffuse, const vec3& gloss, bool coat) const {
+  const float color = maxComponent(sheen_.color);
+  const float atLower = color > 0.0f ? lowerSheen() : 0.0f;
+  const vec3 broad = diffuse * (1.0f - color * atLower) + sheen_.color * sheen_.albedo,
+             narrow = gloss * (1.0f - color * sheen_.albedo);
+  if (!(coat_.weight > 0.0f)) return broad + narrow;
+  // Narrow lobes get light from about the angle that they are seen under.
+  const float cosine = coat_.out.z,
+              mirrored = glm::mix(kCoatReflectance, 1.0f, lowerMeanWeight(cosine));
+  const vec3 below = broad * (1.0f - coat_.weight * mirrored) +
+                     narrow * (1.0f - coat_.weight * coatFresnel(cosine));
+  if (!coat) return below;
+  if (coat_.alpha < kSmallestAlpha) return below + coat_.weight * coatFresnel(cosine);
+  const LobeMean mean = ggxMean(cosine, coat_.alpha);
+  return below + coat_.weight * coatFresnel(mean.cosine) * mean.energy;
 }
 
 /// Whether the coat is such a lobe, and no delta.

@@ -234,6 +234,43 @@ TEST(Bsdf, AlbedoHasTheColoursOfWhatIsReflected) {
   EXPECT_EQ(Bsdf(scene, s, outgoing(s, 0.7f)).albedo(), vec3(1.0f));
 }
 
+/// Of light from everywhere, rough surfaces and grazing angles too: that of a filter, and of a
+/// cache of irradiance, which leaves out what is sharp.
+TEST(Bsdf, AlbedoIsWhatIsReflected) {
+  Scene scene;
+  std::vector<Material>& all = scene.materials;
+  for (float roughness : {0.0f, 0.2f, 0.5f, 0.8f, 1.0f}) {
+    all.push_back(glossy(0.0f, roughness, 0.0f, false));
+    all.push_back(glossy(1.0f, roughness, 0.0f, false));
+    all.push_back(ofIndex(roughness, false));
+    all.push_back(filmed(1.0f, 1.4f));
+    all.back().roughness = roughness;
+    all.push_back(coated(test::lambert(0.5f), 1.0f, roughness));
+  }
+  all.push_back(brushed(0.5f, 0.5f));
+  all.push_back(cloth(vec3(0.9f, 0.5f, 0.2f), 0.5f));
+  all.push_back(coated(glossy(0.0f, 0.6f, 0.0f, false), 0.7f, 0.4f));
+  for (Material& m : all) m.baseColor = vec4(0.8f, 0.3f, 0.05f, 1.0f);
+  Surface s = surfaceAtOrigin();
+  for (s.material = 0; s.material < all.size(); ++s.material) {
+    for (float cosine : {0.1f, 0.3f, 0.6f, 1.0f}) {
+      constexpr std::uint32_t kCount = 20000;
+      const Bsdf b(scene, s, outgoing(s, cosine));
+      dvec3 sum(0.0);
+      for (std::uint32_t i = 0; i < kCount; ++i) {
+        Sampler sampler(i, 0, 0);
+        BsdfSample sample;
+        if (b.sample(sampler, sample)) sum += dvec3(sample.weight) / double(kCount);
+      }
+      const vec3 right = glm::min(vec3(sum), vec3(1.0f));
+      for (int k = 0; k < 3; ++k) {
+        EXPECT_NEAR(b.albedo()[k], right[k], 0.012f + 0.02f * right[k])
+            << s.material << " " << cosine << " " << k;
+      }
+    }
+  }
+}
+
 TEST(Bsdf, MirrorAndGlassAreDelta) {
   Scene scene;
   scene.materials = {glossy(1.0f, 0.0f, 0.0f, false), glossy(0.0f, 0.0f, 1.0f, true)};
