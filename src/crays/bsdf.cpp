@@ -10,8 +10,9 @@
 namespace trex {
 namespace {
 
-/// Roughness 0.1: what is seen in the surface is blurred by some pixels and known all the same.
-constexpr float kClearAlpha = 0.01f;
+/// Of roughness 0.1, itself included as it is rounded: what is seen in the surface is blurred by
+/// some pixels and known all the same.
+constexpr float kClearAlpha = 0.1f * 0.1f;
 
 float schlickWeight(float cosine) {
   const float x = std::clamp(1.0f - cosine, 0.0f, 1.0f);

@@ -271,6 +271,17 @@ TEST(Bsdf, AlbedoIsWhatIsReflected) {
   }
 }
 
+TEST(Bsdf, RoughnessUpToATenthShowsOthers) {
+  Scene scene;
+  scene.materials = {glossy(1.0f, 0.05f, 0.0f, false), glossy(1.0f, 0.1f, 0.0f, false),
+                     glossy(0.0f, 0.1f, 1.0f, false), glossy(1.0f, 0.11f, 0.0f, false)};
+  scene.materials[2].baseColor = vec4(1.0f);
+  Surface s = surfaceAtOrigin();
+  for (s.material = 0; s.material < 4; ++s.material) {
+    EXPECT_EQ(Bsdf(scene, s, outgoing(s, 0.7f)).showsOthers(), s.material < 3) << s.material;
+  }
+}
+
 TEST(Bsdf, MirrorAndGlassAreDelta) {
   Scene scene;
   scene.materials = {glossy(1.0f, 0.0f, 0.0f, false), glossy(0.0f, 0.0f, 1.0f, true)};
