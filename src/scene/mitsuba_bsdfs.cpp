@@ -43,7 +43,9 @@ Look Bsdfs::plain(bool shines) const {
 
 const Look& Bsdfs::look(const Element& bsdf) {
   if (const auto found = looks_.find(&bsdf); found != looks_.end()) return found->second;
-  return looks_.emplace(&bsdf, read(bsdf)).first->second;
+  Look made = read(bsdf);
+  made.meshColors |= textures_.takeMeshColors();
+  return looks_.emplace(&bsdf, std::move(made)).first->second;
 }
 
 Look Bsdfs::read(const Element& bsdf) {

@@ -11,8 +11,9 @@ namespace trex::detail::mitsuba {
 /// A material, and what can be told only with the surface that it is on.
 struct Look {
   Material material;
-  bool invisible = false;  ///< `null`: light passes as if nothing were there
-  bool twosided = false;   ///< or one whose back is its own, as of glass
+  bool invisible = false;   ///< `null`: light passes as if nothing were there
+  bool twosided = false;    ///< or one whose back is its own, as of glass
+  bool meshColors = false;  ///< the base colour is that of the mesh, times the material's
   enum class Relief : std::uint8_t { kNone, kHeights, kNormals } relief = Relief::kNone;
   ColorInput reliefMap;
   float reliefScale = 1.0f;  ///< metres of a height of 1; of normals none

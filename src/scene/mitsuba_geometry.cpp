@@ -63,7 +63,7 @@ std::vector<Mesh> readFile(Context& context, const Element& at, const Geometry& 
 }
 
 void finish(Context& context, const Element& at, const Geometry& g, Mesh& mesh) {
-  mesh.colors.clear();
+  if (!g.colored) mesh.colors.clear();
   // Of Mitsuba's files v counts from the top, as here.
   for (vec2& uv : mesh.texCoords) {
     if (g.flipV) uv.y = 1.0f - uv.y;
@@ -109,6 +109,11 @@ void Geometry::setMirrored(bool isMirrored) {
   if (mirrored) key += " mirrored";
 }
 
+void Geometry::setColored(bool isColored) {
+  colored = isColored;
+  if (colored) key += " colored";
+}
+
 void Geometry::setError(double value) {
   error = value;
   key += fmt::format(" within {}", value);
@@ -152,6 +157,10 @@ std::vector<Mesh> makeGeometry(Context& context, const Element& at, const Geomet
     for (vec2& uv : meshes[0].texCoords) uv = vec2(1.0f - uv.y, uv.x);
   } else {
     meshes.push_back(g.kind == "cube" ? cubeMesh() : rectangleMesh());
+  }
+  const auto plain = [](const Mesh& mesh) { return mesh.colors.empty(); };
+  if (g.colored && std::any_of(meshes.begin(), meshes.end(), plain)) {
+    context.replace(at, "its mesh has no colours of vertices or faces; white is shown");
   }
   if (g.flip) std::for_each(meshes.begin(), meshes.end(), turnOver);
   return meshes;

@@ -13,6 +13,7 @@ struct Geometry {
   std::string file;  ///< of obj, ply and serialized
   bool faceNormals = false, flip = false, flipV = false;
   bool mirrored = false;       ///< by the shape's transform
+  bool colored = false;        ///< vertices keep the colours of the file
   double smoothAngle = -1.0;   ///< radians; negative: all
   std::uint32_t index = 0;     ///< in a serialized file
   double error = kShapeError;  ///< of round shapes
@@ -20,6 +21,7 @@ struct Geometry {
 
   /// Faces of files without normals show the side that their corners turn about, as placed.
   void setMirrored(bool isMirrored);
+  void setColored(bool isColored);
   void setError(double value);
 };
 

@@ -92,6 +92,7 @@ void readVertices(Inflater& in, std::uint32_t flags, std::uint64_t count, Mesh& 
   if (flags & kTexCoords) readVectors<Real>(in, count, mesh.texCoords);
   std::vector<vec3> colors;
   if (flags & kColors) readVectors<Real>(in, count, colors);
+  for (const vec3& c : colors) mesh.colors.push_back(packVertexColor(vec4(c, 1.0f)));
 }
 
 Mesh readMesh(Inflater& in, std::uint16_t version, const std::string& where) {

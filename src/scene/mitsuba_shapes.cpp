@@ -124,6 +124,7 @@ Shapes::Parts Shapes::partsOfMesh(const Properties& shape) {
     return {};
   }
   limitDetail(shape, geometry);
+  geometry.setColored(surface.look.meshColors);
   geometry.setMirrored(glm::determinant(glm::dmat3(place)) < 0.0);
   Parts parts;
   for (const int mesh : meshesOf(shape, geometry)) {

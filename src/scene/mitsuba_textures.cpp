@@ -26,7 +26,25 @@ bool decompose(const dmat4& m, Texture& texture) {
 ColorInput Textures::color(const Properties& of, std::string_view name, const vec3& otherwise) {
   const Element* e = of.find(name);
   if (e == nullptr) return {otherwise, {}, true};
-  return read(*e);
+  ColorInput colored;
+  return readMeshColors(*e, name, colored) ? colored : read(*e);
+}
+
+/// Colours that a mesh has, of what the base colour is made of.
+bool Textures::readMeshColors(const Element& element, std::string_view parameter,
+                              ColorInput& made) {
+  const bool base =
+      parameter == "reflectance" || parameter == "diffuse_reflectance" || parameter == "base_color";
+  const std::string_view type = element.type();
+  if (!base || element.tag != "texture" || (type != "mesh_attribute" && type != "vertexcolors")) {
+    return false;
+  }
+  const Properties of(context_, element);
+  const std::string name = of.text("name", "vertex_color");
+  if (name != "vertex_color" && name != "face_color") return false;
+  made.factor = vec3(static_cast<float>(of.number("scale", 1.0, 0.0, 1.0)));
+  of.tellUnused();
+  return meshColors_ = true;
 }
 
 NumberInput Textures::number(const Properties& of, std::string_view name, float otherwise) {

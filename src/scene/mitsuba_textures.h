@@ -4,6 +4,7 @@
 #include <functional>
 #include <map>
 #include <string>
+#include <utility>
 
 #include "src/scene/mitsuba_context.h"
 
@@ -43,7 +44,12 @@ class Textures {
 
   vec3 meanOf(const ColorInput& input) const;
 
+  /// Whether a colour that was read since the last call is that of a mesh's vertices or faces, for
+  /// which white stands.
+  bool takeMeshColors() { return std::exchange(meshColors_, false); }
+
  private:
+  bool readMeshColors(const Element& element, std::string_view parameter, ColorInput& made);
   ColorInput readBitmap(const Element& element);
   ColorInput readCheckerboard(const Element& element);
   ColorInput readScale(const Element& element);
@@ -53,6 +59,7 @@ class Textures {
   Context& context_;
   std::map<std::string, int> made_;
   int depth_ = 0;
+  bool meshColors_ = false;
 };
 
 }  // namespace trex::detail::mitsuba

@@ -591,6 +591,46 @@ TEST_F(Mitsuba, UnknownPartsAreNamedAndErrorsWithStrict) {
             std::string::npos);
 }
 
+/// Of version 3 by name, of the first ones by a texture of its own; colours of floats are linear.
+TEST_F(Mitsuba, ColoursOfMeshes) {
+  write("c.ply",
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty "
+        "float z\n"
+        "property float r\nproperty float g\nproperty float b\nelement face 1\n"
+        "property list uchar int vertex_index\nend_header\n0 0 0 1 0 0\n1 0 0 0 1 0\n0 1 0 0 0 "
+        "1\n3 0 1 2\n");
+  const auto shape = [](const std::string& type, const std::string& bsdf) {
+    return "<shape type=\"" + type + "\"><string name=\"filename\" value=\"c.ply\"/>" + bsdf +
+           "</shape>";
+  };
+  const std::string attribute =
+      "<texture type=\"mesh_attribute\" name=\"NAME\"><string name=\"name\" "
+      "value=\"vertex_color\"/>"
+      "<float name=\"scale\" value=\"0.5\"/></texture>";
+  const auto named = [&](const std::string& name) {
+    std::string text = attribute;
+    return text.replace(text.find("NAME"), 4, name);
+  };
+  const std::string diffuse = "<bsdf type=\"diffuse\">" + named("reflectance") + "</bsdf>";
+  const Scene s = read(shape("ply", "<bsdf type=\"twosided\">" + diffuse + "</bsdf>") +
+                       shape("ply", "<bsdf type=\"diffuse\"/>") +
+                       shape("ply",
+                             "<bsdf type=\"diffuse\"><texture name=\"reflectance\" "
+                             "type=\"vertexcolors\"/></bsdf>"));
+  EXPECT_EQ(s.replaced.count, 0u) << (s.replaced.texts.empty() ? "" : s.replaced.texts[0]);
+  const auto mesh = [&](int i) { return s.meshes.at(s.instances.at(i).mesh); };
+  for (const int i : {0, 2}) {
+    ASSERT_EQ(mesh(i).colors.size(), 3u);
+    EXPECT_EQ(mesh(i).colors[1], packVertexColor(vec4(0, 1, 0, 1)));
+    expectNear(vec3(s.materials.at(mesh(i).material).baseColor), vec3(i == 0 ? 0.5f : 1.0f));
+  }
+  EXPECT_TRUE(mesh(1).colors.empty());
+  EXPECT_TRUE(says(read(shape("sphere", diffuse)).replaced.texts, "no colours"));
+  // Of what is no base colour they are not known.
+  const std::string glossy = "<bsdf type=\"roughconductor\">" + named("alpha") + "</bsdf>";
+  EXPECT_TRUE(says(read(shape("ply", glossy)).replaced.texts, "mesh_attribute"));
+}
+
 TEST_F(Mitsuba, MissingFilesLeaveTheRest) {
   const Scene s = read(
       "<shape type=\"obj\"><string name=\"filename\" value=\"gone.obj\"/></shape>"
