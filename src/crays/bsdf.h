@@ -83,8 +83,8 @@ class Bsdf {
   vec3 cachedAlbedo() const;
   /// True if cachedAlbedo() tells nearly all of what leaves the surface.
   bool cacheable() const { return cacheable_; }
-  /// What it reflects of light from everywhere, by its colour, off by up to 0.03; one if most of its
-  /// light is what it lets pass. [0, 1].
+  /// What it reflects of light from everywhere, by its colour, off by up to 0.03; one if most of
+  /// its light is what it lets pass. [0, 1].
   vec3 albedo() const;
   /// Unit geometric and shading normals on the side of `outgoing`.
   const vec3& geometricNormal() const { return geometricNormal_; }

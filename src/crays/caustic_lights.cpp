@@ -97,6 +97,7 @@ struct CausticLights::Start {
   vec3 direction, power;
   vec4 primary;
   float density;
+  float range;  ///< of the light, not yet in its power
 };
 
 CausticLights::CausticLights(const Scene& scene, const RayScene& rays, std::uint32_t seed)
@@ -167,6 +168,7 @@ void CausticLights::hint(Source& source, const vec3& point, const vec3& normal, 
 CausticLights::Start CausticLights::emit(const Source& source, Sampler& sampler) const {
   const Light& light = source.light;
   Start start;
+  start.range = light.type == Light::Type::kDirectional ? kInfinity : light.range;
   start.primary = vec4(sampler.next2D(), 0.0f, 0.0f);
   start.density = source.guide.warp(sampler.next1D(), start.primary);
   const vec2 u(start.primary.x, start.primary.y);
@@ -199,11 +201,13 @@ void CausticLights::follow(const Start& start, Sampler& sampler,
   vec3 direction = start.direction, power = start.power, absorption(0.0f);
   const float most = maxComponent(power);
   ClearPath clear;
+  RangeOnTheWay range(start.range);
   bool bent = false, blurred = false;
   std::uint32_t turns = 1;  // as Scene::maxBounces counts, that where it is seen among them
   for (int bounce = 0; bounce < kCausticBounces && maxComponent(power) > 0.0f; ++bounce) {
     RayHit hit;
     if (!rays_.intersect(from, direction, 0.0f, kInfinity, hit)) return;
+    range.advance(hit.t);
     if (absorption != vec3(0.0f)) power *= glm::exp(-absorption * hit.t);
     if (media != nullptr) power *= media->transmittance(from.position, direction, hit.t);
     const Surface surface = rays_.surface(hit);
@@ -215,7 +219,8 @@ void CausticLights::follow(const Start& start, Sampler& sampler,
     }
     const bool counts = blurred ? bsdf.hasBroad() : !bsdf.onlyDelta();
     if (counts && (bent || !clear.straight(direction)) && isFinite(power)) {
-      out.push_back({vec3(surface.position), bsdf.geometricNormal(), -direction, power, blurred});
+      out.push_back({vec3(surface.position), bsdf.geometricNormal(), -direction,
+                     power * range.factor(), blurred});
     }
     BsdfSample next;
     if (!bsdf.sample(sampler, next)) return;
@@ -223,6 +228,7 @@ void CausticLights::follow(const Start& start, Sampler& sampler,
     blurred |= !next.delta;
     if (!next.delta || !next.transmitted || !ClearLayers::clear(bsdf)) {
       bent = true;
+      power *= range.end();
       if (++turns > scene_.maxBounces) return;
     } else if (bsdf.refracts()) {
       if (!clear.begun()) clear.begin(direction, 0.0f);

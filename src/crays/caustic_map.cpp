@@ -77,8 +77,13 @@ float gainOfEdges(const CausticPhoton& photon, float radius, const RayScene& ray
 
 CausticWidths::CausticWidths(std::span<const CausticPhoton> photons, float scene, double wanted)
     : scene_(scene), wanted_(wanted) {
-  for (std::uint32_t level = 0; level < kLevels; ++level) {
-    for (const CausticPhoton& p : photons) ++counts_[level][key(p.position, level)];
+  // Cells of a level lie in those of the next: where none has enough, none of the finer ones has.
+  bool enough = true;
+  for (std::uint32_t level = kLevels - 1; level-- > 0 && enough;) {
+    enough = false;
+    for (const CausticPhoton& p : photons) {
+      enough |= ++counts_[level][key(p.position, level)] >= leastInCell();
+    }
   }
 }
 
@@ -98,12 +103,11 @@ std::uint64_t CausticWidths::key(const vec3& position, std::uint32_t level) cons
 }
 
 std::uint32_t CausticWidths::level(const CausticPhoton& photon, vec2 u) const {
-  const double least = wanted_ * (4.0 / std::numbers::pi);  // the square around the disk
   const Basis basis(photon.normal);
   const vec3 aside = basis.tangent * (2.0f * u.x - 1.0f) + basis.bitangent * (2.0f * u.y - 1.0f);
   for (std::uint32_t level = 0; level + 1 < kLevels; ++level) {
     const auto at = counts_[level].find(key(photon.position + radius(level) * aside, level));
-    if (at != counts_[level].end() && at->second >= least) return level;
+    if (at != counts_[level].end() && at->second >= leastInCell()) return level;
   }
   return kLevels - 1;
 }

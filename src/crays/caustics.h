@@ -37,7 +37,8 @@ struct CausticPhoton {
 /// of photons that no map has. Immutable, so thread safe.
 class CausticWidths {
  public:
-  static constexpr std::uint32_t kLevels = 12;
+  /// Of halves: the narrowest is some 50 times the rounding of a place in the scene.
+  static constexpr std::uint32_t kLevels = 15;
 
   /// `scene`: radius of the sphere around it, metres. `wanted`: of these photons, in a width.
   CausticWidths(std::span<const CausticPhoton> photons, float scene, double wanted);
@@ -48,6 +49,8 @@ class CausticWidths {
 
  private:
   std::uint64_t key(const vec3& position, std::uint32_t level) const;
+  /// Of photons, in the square around a disk that has enough.
+  double leastInCell() const { return wanted_ * (4.0 / kPi); }
 
   float scene_;
   double wanted_;

@@ -17,13 +17,6 @@ constexpr double kLeastShare = 1e-20;
 /// Lights among which a number of 24 bits chooses well.
 constexpr std::size_t kFew = 4096;
 
-/// Inverse square law, cut smoothly at the range if there is one (KHR_lights_punctual).
-float rangeFactor(const Light& light, float distance) {
-  if (!std::isfinite(light.range) || light.range <= 0.0f) return 1.0f;
-  const float r = distance / light.range;
-  return std::clamp(1.0f - r * r * r * r, 0.0f, 1.0f);
-}
-
 }  // namespace
 
 LightSet::LightSet(const Scene& scene, const RayScene& rays)
@@ -251,7 +244,7 @@ bool LightSet::samplePunctual(const Punctual& punctual, const LightPoint& at, ve
   out.distance = std::sqrt(distance2);
   out.direction = towards / out.distance;
   out.radiance = light.intensity * (spotFactor(light, -glm::dot(out.direction, light.direction)) *
-                                    rangeFactor(light, out.distance) / distance2);
+                                    rangeFactor(light.range, out.distance) / distance2);
   return true;
 }
 

@@ -89,7 +89,8 @@ struct EmittedPhoton {
   std::uint32_t source = 0;
   vec4 primary{0.0f};
   float density = 1.0f;
-  bool scatters = true;  ///< media may scatter it once: not so if they sent it
+  bool scatters = true;     ///< media may scatter it once: not so if they sent it
+  float range = kInfinity;  ///< of the light, not yet in its power: RangeOnTheWay
 };
 
 /// Cumulative luminance times sin(theta) of a map: what its directions are sampled by.

@@ -19,6 +19,33 @@ inline float spotFactor(const Light& light, float cosine) {
   return x * x;
 }
 
+/// What a range cuts smoothly off the inverse square law (KHR_lights_punctual); 0: there is none.
+inline float rangeFactor(float range, float distance) {
+  if (!std::isfinite(range) || range <= 0.0f) return 1.0f;
+  const float r = distance / range;
+  return std::clamp(1.0f - r * r * r * r, 0.0f, 1.0f);
+}
+
+/// The range of a light on a photon's way: cuts its power where it first meets what scatters,
+/// reflects or bends it, as light sampling there does.
+class RangeOnTheWay {
+ public:
+  explicit RangeOnTheWay(float range) : range_(range) {}
+  /// The photon has gone on straight.
+  void advance(float distance) { travelled_ += distance; }
+  /// Of what lands where the photon is.
+  float factor() const { return rangeFactor(range_, travelled_); }
+  /// The photon turns where it is; its power takes this, later ones nothing.
+  float end() {
+    const float here = factor();
+    range_ = kInfinity;
+    return here;
+  }
+
+ private:
+  float range_, travelled_ = 0.0f;
+};
+
 inline vec3 uniformSphere(vec2 u) {
   const float z = 1.0f - 2.0f * u.x, r = std::sqrt(std::max(0.0f, 1.0f - z * z));
   return vec3(r * std::cos(2.0f * kPi * u.y), r * std::sin(2.0f * kPi * u.y), z);

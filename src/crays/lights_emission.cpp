@@ -136,6 +136,7 @@ void LightSet::emitTriangle(double choice, Sampler& sampler, EmittedPhoton& out)
 void LightSet::emitPunctual(const Punctual& punctual, Sampler& sampler, EmittedPhoton& out) const {
   const Light& light = punctual.light;
   out.start = punctual.position;
+  out.range = light.range;
   const vec2 u = sampler.next2D();
   if (light.radius > 0.0f) {
     out.start.position += dvec3(light.radius * uniformSphere(sampler.next2D()));

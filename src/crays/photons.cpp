@@ -7,6 +7,7 @@
 
 #include "src/crays/bsdf.h"
 #include "src/crays/clear_path.h"
+#include "src/crays/lights_detail.h"
 
 namespace trex {
 namespace {
@@ -34,6 +35,7 @@ void follow(const Scene& scene, const RayScene& rays, Sampler& sampler, const Em
   RayStart start = photon.start;
   vec3 direction = photon.direction, power = photon.power;
   const float emitted = maxComponent(power);
+  RangeOnTheWay range(photon.range);
   bool scatters = photon.scatters;
   std::uint32_t turns = 0;  // as Scene::maxBounces counts; two more follow where it lands
   for (int bounce = 0; bounce < kPhotonBounces; ++bounce) {
@@ -43,11 +45,14 @@ void follow(const Scene& scene, const RayScene& rays, Sampler& sampler, const Em
     if (media != nullptr &&
         media->collide(start.position, direction, met ? hit.t : kInfinity, sampler, collision)) {
       if (!scatters || !scatterInMedium(collision, sampler, start, direction, power)) return;
+      range.advance(collision.distance);
+      power *= range.end();
       scatters = false;
       ++turns;
       continue;
     }
     if (!met) return;
+    range.advance(hit.t);
     const Surface surface = rays.surface(hit);
     const Bsdf bsdf(scene, surface, -direction);
     BsdfSample next;
@@ -58,16 +63,19 @@ void follow(const Scene& scene, const RayScene& rays, Sampler& sampler, const Em
     } else {
       if (bsdf.cacheable()) {
         if (turns + 2 > scene.maxBounces) return;
-        if (!isFinite(power) || !(maxComponent(power) > 0.0f)) return;
+        out.power = power * range.factor();
+        if (!isFinite(out.power) || !(maxComponent(out.power) > 0.0f)) return;
         out.position = vec3(surface.position);
         out.normal = bsdf.geometricNormal();
-        out.power = power;
         landed.push_back(out);
         if (!allBounces) return;
         ++out.bounce;
       }
       if (!bsdf.sample(sampler, next)) return;
-      if (!next.delta || !next.transmitted || !ClearLayers::clear(bsdf)) ++turns;
+      if (!next.delta || !next.transmitted || !ClearLayers::clear(bsdf)) {
+        ++turns;
+        power *= range.end();
+      }
       power *= next.weight * (next.etaSquared * bsdf.photonFactor(next.direction));
       const float survival = std::min(1.0f, maxComponent(power) / emitted);
       if (!(survival > 0.0f) || sampler.next1D() >= survival) return;

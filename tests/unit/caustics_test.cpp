@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "src/crays/integrator.h"
+#include "src/crays/photons.h"
 #include "src/frame/estimator.h"
 #include "tests/unit/glass_scenes.h"
 
@@ -195,6 +196,23 @@ TEST_F(PointOverABall, ErrorFallsWithTheNumberOfSamples) {
   EXPECT_LT(before, 0.03);
 }
 
+/// A ball of half a millimetre on a floor of 8 m throws the pattern of one of half a metre.
+TEST_F(PointOverABall, PatternsAreAsSharpInLargeScenes) {
+  constexpr float kScale = 1e-3f;
+  Scene small = floorFrom(0.3f * kScale, 0.0f, 2.0f * kScale * static_cast<float>(kHalf));
+  small.materials.push_back(test::glass(true));
+  test::place(small, test::sphere(vec3(0.0f, kScale * static_cast<float>(kHeight), 0.0f),
+                                  kScale * static_cast<float>(kRadius), 1, 64));
+  small.lights = {test::pointLight(dvec3(0.0, kLight * double(kScale), 0.0), kScale * kScale)};
+  const std::vector<vec3> right = picture(scene_, 24), got = picture(small, 24);
+  double sum = 0.0, scale = 0.0;
+  for (std::size_t i = 0; i < got.size(); ++i) {
+    sum += static_cast<double>((got[i].x - right[i].x) * (got[i].x - right[i].x));
+    scale += static_cast<double>(right[i].x * right[i].x);
+  }
+  EXPECT_LT(sum / scale, 0.05);
+}
+
 /// Of all directions of the light a hundred-thousandth meets the mirror.
 TEST(Caustics, PhotonsAreAimedAtSmallMirrors) {
   Scene scene = floorFrom(0.5f, 2.0f, 0.1f);
@@ -204,6 +222,7 @@ TEST(Caustics, PhotonsAreAimedAtSmallMirrors) {
   test::place(scene, small);
   test::place(scene, test::sheet(4.0f, 1.5f, 0));
   scene.lights = {test::pointLight(dvec3(0.0, 1.0, 0.0), 5.0f)};
+  scene.lights[0].range = 2.0f;  // as light sampling at the mirror cuts it
   const RayScene rays(scene);
   constexpr std::uint32_t kCount = 4096;
   const auto photons = CausticLights(scene, rays, 0).shoot(0, 0, kCount);
@@ -211,7 +230,35 @@ TEST(Caustics, PhotonsAreAimedAtSmallMirrors) {
   double power = 0.0;
   for (const CausticPhoton& p : photons) power += p.power.x / kCount;
   const double distance2 = 1.0 + 0.95 * 0.95;
-  EXPECT_NEAR(power / (5.0 * 4e-4 * 0.95 / (distance2 * std::sqrt(distance2))), 1.0, 0.05);
+  const double cut = 1.0 - distance2 * distance2 / 16.0;
+  EXPECT_NEAR(power / (cut * 5.0 * 4e-4 * 0.95 / (distance2 * std::sqrt(distance2))), 1.0, 0.05);
+}
+
+/// The guess's photons end where their light does, behind a pane too.
+TEST(Caustics, PhotonsKeepToTheRangeOfTheirLight) {
+  for (const bool behindPane : {false, true}) {
+    Scene scene = floorFrom(1.0f, 0.0f, 1.0f);
+    scene.materials.push_back(test::glass(false));
+    scene.materials[1].ior = 1.0f;
+    if (behindPane) test::place(scene, test::sheet(4.0f, 0.5f, 1));
+    scene.lights = {test::pointLight(dvec3(0.0, 1.0, 0.0), 1.0f)};
+    scene.lights[0].range = 2.0f;
+    const RayScene rays(scene);
+    const LightSet lights(scene, rays);
+    constexpr std::uint32_t kCount = 20000;
+    double landed = 0.0, sampled = 0.0;
+    for (const LandedPhoton& p : landPhotons(scene, rays, lights, 0, 0, kCount, false, {})) {
+      landed += double(p.power.x) / kCount;
+    }
+    constexpr int kCells = 200;
+    for (int i = 0; i < kCells * kCells; ++i) {
+      const double x = 2.0 * ((i % kCells + 0.5) * 2.0 / kCells - 1.0),
+                   z = 2.0 * ((i / kCells + 0.5) * 2.0 / kCells - 1.0), d2 = x * x + z * z + 1.0;
+      sampled += fromPoint(x, z, 0.0, 1.0) * std::max(0.0, 1.0 - d2 * d2 / 16.0) * 16.0 /
+                 (kCells * kCells);
+    }
+    EXPECT_NEAR(landed / sampled, 1.0, 0.03) << behindPane;
+  }
 }
 
 /// Tiles and ribbons narrower than the photons' disks take all of their light.
