@@ -1,14 +1,12 @@
 #include "src/app/bench_score.h"
 
-#include <OpenImageIO/filesystem.h>
-#include <OpenImageIO/imageio.h>
-
 #include <cmath>
 #include <filesystem>
 #include <span>
 
 #include "src/core/error.h"
 #include "src/frame/picture_reader.h"
+#include "src/images/image_library.h"
 
 namespace trex {
 namespace {
@@ -38,13 +36,13 @@ std::vector<unsigned char> encodePng(const ColorImage& shown) {
     }
   }
   std::vector<unsigned char> file;
-  OIIO::Filesystem::IOVecOutput target(file);
-  const std::unique_ptr<OIIO::ImageOutput> out = OIIO::ImageOutput::create("png");
-  OIIO::ImageSpec spec(static_cast<int>(shown.width), static_cast<int>(shown.height), 3,
-                       OIIO::TypeDesc::UINT8);
-  if (!out || !out->set_ioproxy(&target) || !out->open("picture.png", spec) ||
-      !out->write_image(OIIO::TypeDesc::UINT8, texels.data()) || !out->close()) {
-    fail(ExitCode::kFailed, "a .png can't be encoded: {}", out ? out->geterror() : "no encoder");
+  const ImageToWrite image{.width = static_cast<int>(shown.width),
+                           .height = static_cast<int>(shown.height),
+                           .channels = {"R", "G", "B"},
+                           .data = texels.data()};
+  std::string error;
+  if (!imageLibrary().encodePng(image, file, error)) {
+    fail(ExitCode::kFailed, "a .png can't be encoded: {}", error);
   }
   return file;
 }

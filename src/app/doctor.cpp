@@ -1,5 +1,4 @@
 // trex doctor: what this machine offers, and what to do about what is missing.
-#include <OpenImageIO/imageio.h>
 #include <embree3/rtcore.h>
 #include <fmt/format.h>
 #include <sys/resource.h>
@@ -20,6 +19,7 @@
 #include "src/core/error.h"
 #include "src/core/memory.h"
 #include "src/core/version.h"
+#include "src/images/image_library.h"
 #include "src/vulkan/vulkan.h"
 
 namespace trex {
@@ -89,9 +89,13 @@ void examineLibraries(Findings& found) {
   rtcReleaseDevice(embree);
   found.libraries.emplace_back("Embree",
                                versionText(version / 10000, version / 100 % 100, version % 100));
-  const int images = OIIO::openimageio_version();
-  found.libraries.emplace_back("OpenImageIO",
-                               versionText(images / 10000, images / 100 % 100, images % 100));
+  try {
+    const int images = imageLibrary().version;
+    found.libraries.emplace_back("OpenImageIO",
+                                 versionText(images / 10000, images / 100 % 100, images % 100));
+  } catch (const Error& e) {
+    found.problems.emplace_back(e.what());
+  }
   found.libraries.emplace_back("oneTBB", TBB_runtime_version());
   found.libraries.emplace_back(
       "GLM", versionText(GLM_VERSION_MAJOR, GLM_VERSION_MINOR, GLM_VERSION_PATCH));

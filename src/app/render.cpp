@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <thread>
 
 #include "src/app/app.h"
 #include "src/app/capture.h"
@@ -18,6 +19,7 @@
 #include "src/core/log.h"
 #include "src/core/memory.h"
 #include "src/frame/image_file.h"
+#include "src/images/image_library.h"
 #include "src/scene/import.h"
 #include "src/scene/look_file.h"
 #include "src/session/model_editor.h"
@@ -89,7 +91,9 @@ int render(RenderArguments& a) {
   std::optional<Look> look;
   ModelOptions built;
   double importSeconds = 0.0;
+  std::jthread imagesOpening;
   open.prepare = [&](const Scene& scene, ModelOptions& model) {
+    imagesOpening = openImageLibraryBehind();
     if (!a.edits.empty()) look = readEdits(a, scene, model);
     views = makeViews(a, scene, look);
     checkOutputs(views, a.checkpoint);

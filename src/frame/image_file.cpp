@@ -1,14 +1,12 @@
 #include "src/frame/image_file.h"
 
-#include <OpenImageIO/imageio.h>
-
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <memory>
 
 #include "src/core/error.h"
 #include "src/core/file.h"
+#include "src/images/image_library.h"
 
 namespace trex {
 namespace fs = std::filesystem;
@@ -21,41 +19,38 @@ std::string lowerExtension(const fs::path& path) {
   return extension;
 }
 
-void writeBuffer(const fs::path& path, const fs::path& target, const OIIO::ImageSpec& spec,
-                 OIIO::TypeDesc type, const void* data) {
-  const std::unique_ptr<OIIO::ImageOutput> out = OIIO::ImageOutput::create(path.string());
-  if (!out) fail(ExitCode::kOutput, "{}: {}", target.string(), OIIO::geterror());
-  if (!out->open(path.string(), spec) || !out->write_image(type, data) || !out->close()) {
-    fail(ExitCode::kOutput, "{}: can't be written: {}", target.string(), out->geterror());
+void write(const fs::path& path, const fs::path& target, const ImageToWrite& image) {
+  std::string error;
+  if (!imageLibrary().write(path.string(), image, error)) {
+    fail(ExitCode::kOutput, "{}: {}", target.string(), error);
   }
 }
 
 void writeExr(const fs::path& path, const fs::path& target, const Picture& picture) {
-  OIIO::ImageSpec spec(static_cast<int>(picture.width), static_cast<int>(picture.height),
-                       static_cast<int>(picture.channels.size()), OIIO::TypeDesc::FLOAT);
-  spec.channelnames = picture.channels;
-  spec.attribute("compression", "zip");
-  spec.attribute("DateTime", "1970:01:01 00:00:00");  // equal renders make equal files
-  spec.attribute("oiio:ColorSpace", "linear");
   // Of red, green, blue and white: Rec. 709 and D65.
-  constexpr float kRec709[8] = {0.64f, 0.33f, 0.3f, 0.6f, 0.15f, 0.06f, 0.3127f, 0.329f};
-  spec.attribute("chromaticities", OIIO::TypeDesc(OIIO::TypeDesc::FLOAT, 8), kRec709);
-  for (const auto& [key, value] : picture.metadata) spec.attribute(key, value);
-  writeBuffer(path, target, spec, OIIO::TypeDesc::FLOAT, picture.values.data());
+  static constexpr float kRec709[8] = {0.64f, 0.33f, 0.3f, 0.6f, 0.15f, 0.06f, 0.3127f, 0.329f};
+  write(path, target,
+        {.width = static_cast<int>(picture.width),
+         .height = static_cast<int>(picture.height),
+         .values = ImageValues::kFloat,
+         .channels = picture.channels,
+         .data = picture.values.data(),
+         .texts = picture.metadata,
+         .chromaticities = kRec709});
 }
 
-/// Values of `type`, sRGB encoded, with alpha if there are four channels.
+/// Values of `type`, sRGB encoded.
 void writeDisplayed(const fs::path& path, const fs::path& target, std::uint32_t width,
-                    std::uint32_t height, int channels, OIIO::TypeDesc type, const void* values,
+                    std::uint32_t height, bool alpha, ImageValues type, const void* values,
                     const FileOptions& options) {
-  OIIO::ImageSpec spec(static_cast<int>(width), static_cast<int>(height), channels, type);
-  spec.attribute("oiio:ColorSpace", "sRGB");
-  if (channels == 4) spec.attribute("oiio:UnassociatedAlpha", 1);  // as they come
-  if (isJpeg(target)) {
-    spec.attribute("Compression", "jpeg:" + std::to_string(options.quality));
-    spec.attribute("jpeg:subsampling", "4:4:4");
-  }
-  writeBuffer(path, target, spec, type, values);
+  ImageToWrite image{.width = static_cast<int>(width),
+                     .height = static_cast<int>(height),
+                     .values = type,
+                     .channels = {"R", "G", "B"},
+                     .data = values,
+                     .jpegQuality = isJpeg(target) ? options.quality : 0};
+  if (alpha) image.channels.emplace_back("A");
+  write(path, target, image);
 }
 
 /// Index of A where it is to be written.
@@ -89,16 +84,16 @@ std::vector<Value> displayedValues(const Picture& picture, const ToneMap& toneMa
 
 void writeToneMapped(const fs::path& path, const fs::path& target, const Picture& picture,
                      const ToneMap& toneMap, const FileOptions& options) {
-  const int channels = alphaChannel(picture) < 0 ? 3 : 4;
-  const auto write = [&](OIIO::TypeDesc type, const void* values) {
-    writeDisplayed(path, target, picture.width, picture.height, channels, type, values, options);
+  const bool alpha = alphaChannel(picture) >= 0;
+  const auto writeValues = [&](ImageValues type, const void* values) {
+    writeDisplayed(path, target, picture.width, picture.height, alpha, type, values, options);
   };
   if (options.bits == 16) {
     const auto values = displayedValues<std::uint16_t>(picture, toneMap, 65535.0f);
-    write(OIIO::TypeDesc::UINT16, values.data());
+    writeValues(ImageValues::kShort, values.data());
   } else {
     const auto values = displayedValues<std::uint8_t>(picture, toneMap, 255.0f);
-    write(OIIO::TypeDesc::UINT8, values.data());
+    writeValues(ImageValues::kByte, values.data());
   }
 }
 
@@ -157,7 +152,7 @@ void writeScreen(const fs::path& path, std::uint32_t width, std::uint32_t height
                rgba.begin() + static_cast<std::ptrdiff_t>(i) + 3);
   }
   writeAtomically(path, [&](const fs::path& temporary) {
-    writeDisplayed(temporary, path, width, height, 3, OIIO::TypeDesc::UINT8, rgb.data(), {});
+    writeDisplayed(temporary, path, width, height, false, ImageValues::kByte, rgb.data(), {});
   });
 }
 

@@ -1,25 +1,21 @@
 #include "src/scene/image_io.h"
 
-#include <OpenImageIO/filesystem.h>
-#include <OpenImageIO/imageio.h>
-#include <OpenImageIO/strutil.h>
 #include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cctype>
 #include <cstring>
 #include <fstream>
+#include <memory>
 #include <mutex>
 #include <string_view>
 
 #include "src/core/log.h"
+#include "src/images/image_library.h"
 #include "src/scene/import_detail.h"
 
 namespace trex::detail {
 namespace {
-
-/// Decoding from several threads at once crashed now and then with OpenImageIO 2.4.7.
-std::mutex decodeMutex;
 
 /// OpenImageIO chooses its reader by extension; names in glTF files need not have one.
 const char* extensionOf(std::span<const std::uint8_t> file) {
@@ -40,15 +36,15 @@ const char* extensionOf(std::span<const std::uint8_t> file) {
   return ".tga";
 }
 
-void checkSize(const OIIO::ImageSpec& spec, const std::string& name, std::int64_t maxSide) {
-  if (spec.width < 1 || spec.height < 1 || spec.nchannels < 1 || spec.depth > 1 || spec.deep) {
+void checkSize(const ImageFileSpec& spec, const std::string& name, std::int64_t maxSide) {
+  if (spec.width < 1 || spec.height < 1 || spec.channels.empty() || spec.depth > 1 || spec.deep) {
     fail(ExitCode::kInput, "{}: not a plain two-dimensional image ({}x{}, {} channels)", name,
-         spec.width, spec.height, spec.nchannels);
+         spec.width, spec.height, spec.channels.size());
   }
   if (spec.width > maxSide || spec.height > maxSide ||
-      std::int64_t(spec.width) * spec.height > kMaxTexels || spec.nchannels > 1024) {
+      std::int64_t(spec.width) * spec.height > kMaxTexels || spec.channels.size() > 1024) {
     fail(ExitCode::kInput, "{}: {}x{} with {} channels is more than this program reads", name,
-         spec.width, spec.height, spec.nchannels);
+         spec.width, spec.height, spec.channels.size());
   }
 }
 
@@ -60,27 +56,41 @@ struct Colors {
 };
 
 /// Reads `channels` channels. A short or corrupt file is an error.
-void readPixels(OIIO::ImageInput& input, Image& image, OIIO::TypeDesc type, void* target,
+void readPixels(ImageFile& file, Image& image, ImageValues as, void* target,
                 const Colors& at = {}) {
   const int end = at.channel + image.channels;
-  if (!input.read_image(at.part, 0, at.channel, end, type, target)) {
-    fail(ExitCode::kInput, "{}: broken image: {}", image.name, oneLine(input.geterror()));
+  std::string error;
+  if (!imageLibrary().read(file, at.part, at.channel, end, as, target, error)) {
+    fail(ExitCode::kInput, "{}: broken image: {}", image.name, oneLine(error));
   }
 }
 
+ImageFileSpec specOf(ImageFile& file, int part) {
+  ImageFileSpec spec;
+  imageLibrary().spec(file, part, spec);
+  return spec;
+}
+
+std::string lowered(std::string text) {
+  std::transform(text.begin(), text.end(), text.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return text;
+}
+
 /// All runs of three channels named R, G, B, with the name of a layer before them or without.
-std::vector<Colors> findColors(OIIO::ImageInput& input) {
+std::vector<Colors> findColors(ImageFile& file) {
   std::vector<Colors> found;
-  for (int part = 0; input.seek_subimage(part, 0); ++part) {
-    const std::vector<std::string> names = input.spec(part).channelnames;
+  ImageFileSpec spec;
+  for (int part = 0; imageLibrary().spec(file, part, spec); ++part) {
+    const std::vector<std::string>& names = spec.channels;
     for (std::size_t c = 0; c + 2 < names.size(); ++c) {
       if (names[c].empty() || std::toupper(static_cast<unsigned char>(names[c].back())) != 'R') {
         continue;
       }
       const std::string layer = names[c].substr(0, names[c].size() - 1);
       if (!layer.empty() && layer.back() != '.') continue;
-      const bool run = OIIO::Strutil::iequals(names[c + 1], layer + "G") &&
-                       OIIO::Strutil::iequals(names[c + 2], layer + "B");
+      const bool run = lowered(names[c + 1]) == lowered(layer) + "g" &&
+                       lowered(names[c + 2]) == lowered(layer) + "b";
       if (run) found.push_back({part, static_cast<int>(c), layer.substr(0, layer.rfind('.'))});
     }
   }
@@ -88,10 +98,10 @@ std::vector<Colors> findColors(OIIO::ImageInput& input) {
 }
 
 /// The picture itself before any layer; of layers the one with all light, or else the first.
-Colors chooseColors(OIIO::ImageInput& input, const std::string& name) {
-  const std::vector<Colors> found = findColors(input);
+Colors chooseColors(ImageFile& file, const std::string& name) {
+  const std::vector<Colors> found = findColors(file);
   if (found.empty()) {
-    const std::vector<std::string> names = input.spec(0).channelnames;
+    const std::vector<std::string> names = specOf(file, 0).channels;
     if (names.size() == 1 && (names[0] == "Y" || names[0] == "I")) return {0, 0, {}, 1};
     fail(ExitCode::kInput, "{}: no channels R, G, B in any part of it; its first has {}", name,
          fmt::join(names, ", "));
@@ -102,8 +112,8 @@ Colors chooseColors(OIIO::ImageInput& input, const std::string& name) {
   auto at = best([](const Colors& c) { return c.layer.empty(); });
   if (at != found.end()) return *at;
   at = best([](const Colors& c) {
-    return OIIO::Strutil::iends_with(c.layer, "combined") ||
-           OIIO::Strutil::iends_with(c.layer, "beauty");
+    const std::string layer = lowered(c.layer);
+    return layer.ends_with("combined") || layer.ends_with("beauty");
   });
   if (at != found.end()) return *at;
   if (found.size() > 1) {
@@ -145,35 +155,30 @@ std::vector<std::uint8_t> readWholeFile(const std::filesystem::path& path, const
 
 Image decodeImage(std::span<const std::uint8_t> file, const std::string& name, bool srgb) {
   if (file.empty()) fail(ExitCode::kInput, "{}: the image is empty", name);
-  const std::lock_guard lock(decodeMutex);
-  OIIO::Filesystem::IOMemReader reader(const_cast<std::uint8_t*>(file.data()), file.size());
-  OIIO::ImageSpec config;
-  config["oiio:UnassociatedAlpha"] = 1;  // else colour comes multiplied by alpha
-  OIIO::Filesystem::IOProxy* proxy = &reader;
-  config.attribute("oiio:ioproxy", OIIO::TypeDesc::PTR, &proxy);
+  const std::lock_guard lock(imageDecoding());
   const std::string fileName = std::string("image") + extensionOf(file);
-  const auto input = OIIO::ImageInput::open(fileName, &config, proxy);
+  std::string error;
+  const OpenImageFile input(imageLibrary().openMemory(file, fileName, error));
   if (!input) {
-    fail(ExitCode::kInput, "{}: not an image that can be decoded: {}", name,
-         oneLine(OIIO::geterror()));
+    fail(ExitCode::kInput, "{}: not an image that can be decoded: {}", name, oneLine(error));
   }
-  const OIIO::ImageSpec& spec = input->spec();
+  const ImageFileSpec spec = specOf(*input, 0);
   checkSize(spec, name, 1 << 16);
   Image image;
   image.name = name;
   image.width = spec.width;
   image.height = spec.height;
-  image.channels = std::min(spec.nchannels, 4);
+  image.channels = std::min(static_cast<int>(spec.channels.size()), 4);
   const std::size_t count = std::size_t(spec.width) * spec.height * image.channels;
-  if (spec.format == OIIO::TypeDesc::UINT8) {
+  if (spec.bytes) {
     image.bytes.resize(count);
-    readPixels(*input, image, OIIO::TypeDesc::UINT8, image.bytes.data());
+    readPixels(*input, image, ImageValues::kByte, image.bytes.data());
     return image;
   }
   image.floats.resize(count);
-  readPixels(*input, image, OIIO::TypeDesc::FLOAT, image.floats.data());
+  readPixels(*input, image, ImageValues::kFloat, image.floats.data());
   sanitiseFloats(image);
-  if (srgb && !spec.format.is_floating_point()) {
+  if (srgb && !spec.floats) {
     const int colors = image.channels == 2 ? 1 : std::min(image.channels, 3);
     for (std::size_t i = 0; i < count; ++i) {
       if (static_cast<int>(i % image.channels) < colors) {
@@ -186,18 +191,16 @@ Image decodeImage(std::span<const std::uint8_t> file, const std::string& name, b
 
 Image readFloatImage(const std::filesystem::path& path, int maxWidth) {
   const std::string name = path.string();
-  const std::lock_guard lock(decodeMutex);
-  const auto input = OIIO::ImageInput::open(name);
+  const std::lock_guard lock(imageDecoding());
+  std::string error;
+  const OpenImageFile input(imageLibrary().open(name, "", false, error));
   if (!input) {
-    fail(ExitCode::kInput, "{}: not an image that can be decoded: {}", name,
-         oneLine(OIIO::geterror()));
+    fail(ExitCode::kInput, "{}: not an image that can be decoded: {}", name, oneLine(error));
   }
   const Colors at = chooseColors(*input, name);
-  input->seek_subimage(at.part, 0);
-  const OIIO::ImageSpec& spec = input->spec();
+  const ImageFileSpec spec = specOf(*input, at.part);
   checkSize(spec, name, maxWidth);
-  if (spec.x != spec.full_x || spec.y != spec.full_y || spec.width != spec.full_width ||
-      spec.height != spec.full_height) {
+  if (spec.cropped()) {
     fail(ExitCode::kInput, "{}: its data and display windows differ; write it uncropped", name);
   }
   Image image;
@@ -207,7 +210,7 @@ Image readFloatImage(const std::filesystem::path& path, int maxWidth) {
   image.channels = at.channels;
   const std::size_t texels = std::size_t(spec.width) * spec.height;
   image.floats.resize(texels * image.channels);
-  readPixels(*input, image, OIIO::TypeDesc::FLOAT, image.floats.data(), at);
+  readPixels(*input, image, ImageValues::kFloat, image.floats.data(), at);
   if (image.channels == 1) {
     std::vector<float> rgb(texels * 3);
     for (std::size_t i = 0; i < texels * 3; ++i) rgb[i] = image.floats[i / 3];

@@ -1,4 +1,4 @@
-// Decoding image files with OpenImageIO.
+// Decoding image files (src/images).
 #pragma once
 
 #include <cstdint>

@@ -1,6 +1,5 @@
 #include "src/vdb/vdb_library.h"
 
-#include <dlfcn.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -93,17 +92,6 @@ void check(const VdbFog& fog, const std::string& name) {
 }
 
 }  // namespace
-
-void* findVdbFunction(const char* name) {
-  const fs::path path = besideProgram("libtrex_vdb.so");
-  void* library = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);  // kept until the program ends
-  void* function = library != nullptr ? dlsym(library, name) : nullptr;
-  if (function == nullptr) {
-    fail(ExitCode::kMemoryOrDevice, "OpenVDB can't be used ({}): build the target trex_vdb",
-         dlerror());
-  }
-  return function;
-}
 
 VdbFog readFog(const fs::path& path, std::uint64_t maxBytes) {
   const std::string name = path.string();

@@ -1,7 +1,6 @@
 // Opens libtrex_vdb.so, which lies beside the program, and reads fog through it.
 #pragma once
 
-#include <bit>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -9,15 +8,15 @@
 #include <vector>
 
 #include "src/core/maths.h"
+#include "src/core/module.h"
 #include "src/vdb/vdb.h"
 
 namespace trex {
 
 /// A function of the library. Throws Error(kMemoryOrDevice) if it can't be loaded.
-void* findVdbFunction(const char* name);
 template <typename Function>
 Function* vdbFunction(const char* name) {
-  return std::bit_cast<Function*>(findVdbFunction(name));
+  return moduleFunction<Function>("libtrex_vdb.so", name, "OpenVDB");
 }
 
 /// Fog as trexReadVdb() gives it. Spans point into `memory`.

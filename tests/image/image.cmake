@@ -1,7 +1,7 @@
 # What image tests and extremes share.
 add_library(trex_test_image STATIC ${CMAKE_CURRENT_LIST_DIR}/rendered.cpp
   ${CMAKE_CURRENT_LIST_DIR}/reference.cpp)
-target_link_libraries(trex_test_image PUBLIC trex_session trex_openimageio GTest::gtest_main)
+target_link_libraries(trex_test_image PUBLIC trex_session GTest::gtest_main)
 target_compile_definitions(trex_test_image PUBLIC TREX_SOURCE_DIR="${CMAKE_SOURCE_DIR}"
   TREX_SCENE_DIR="${CMAKE_BINARY_DIR}/test_scenes"
   TREX_ARTEFACT_DIR="${CMAKE_BINARY_DIR}/artefacts")

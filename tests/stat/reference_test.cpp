@@ -1,12 +1,12 @@
 // Exact mode against a reference made by another renderer, with the variances of both; the hybrid
 // against exact mode. On failure the pictures are written to the artefact folder.
-#include <OpenImageIO/imageio.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <filesystem>
 
 #include "src/frame/image_file.h"
+#include "src/frame/picture_reader.h"
 #include "src/scene/import.h"
 #include "src/session/session.h"
 
@@ -19,12 +19,10 @@ const fs::path kSource = TREX_SOURCE_DIR;
 
 std::vector<float> readReference(const char* name) {
   const fs::path path = kSource / "tests/refs" / name;
-  auto in = OIIO::ImageInput::open(path.string());
-  EXPECT_TRUE(in) << path;
-  EXPECT_EQ(in->spec().width, static_cast<int>(kSide));
-  std::vector<float> values(std::size_t{kSide} * kSide * 3);
-  EXPECT_TRUE(in->read_image(0, 0, 0, 3, OIIO::TypeDesc::FLOAT, values.data()));
-  return values;
+  const Picture picture = readPicture(path);
+  EXPECT_EQ(picture.width, kSide);
+  EXPECT_EQ(picture.channels.size(), 3u);
+  return picture.values;
 }
 
 /// Mean and variance of each channel of each pixel, and of the whole picture.

@@ -235,6 +235,28 @@ class ExitCodes(unittest.TestCase):
             os.remove(white)
 
 
+class Start(unittest.TestCase):
+    """OpenImageIO and its 250 libraries are loaded when a picture needs them."""
+
+    def test_nothing_waits_for_the_image_library(self):
+        environment = dict(os.environ, LD_TRACE_LOADED_OBJECTS="1")
+        loaded = subprocess.run([TREX], env=environment, capture_output=True, text=True).stdout
+        self.assertIn("libembree", loaded)
+        self.assertNotIn("OpenImageIO", loaded)
+
+    def test_a_missing_image_library_is_named_before_anything_is_rendered(self):
+        with tempfile.TemporaryDirectory() as folder:
+            alone = shutil.copy(TREX, folder)
+            version = subprocess.run([alone, "--version"], capture_output=True)
+            self.assertEqual(version.returncode, 0)
+            result = subprocess.run(
+                [alone, "render", os.path.join(ASSETS, "cornell.glb"), "-o", os.path.join(folder, "a.png"),
+                 "--time", "1000", "--exact", "1"], capture_output=True, text=True, timeout=60)
+            self.assertEqual(result.returncode, 4, result.stderr)
+            self.assertIn("OpenImageIO can't be used", result.stderr)
+            self.assertEqual(os.listdir(folder), [os.path.basename(TREX)])
+
+
 class Doctor(unittest.TestCase):
     def doctor(self, *arguments, **environment):
         return run(["doctor", *arguments], None, **environment)

@@ -7,7 +7,7 @@ add_executable(scene_test ${CMAKE_CURRENT_LIST_DIR}/scene_helpers.cpp
   ${CMAKE_CURRENT_LIST_DIR}/shape_meshes_test.cpp ${CMAKE_CURRENT_LIST_DIR}/spectra_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/scene_pbrt_test.cpp ${CMAKE_CURRENT_LIST_DIR}/scene_pbrt_looks_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/synth_test.cpp)
-target_link_libraries(scene_test PRIVATE trex_scene GTest::gtest_main ${DRACO_LIBRARY} ${MESHOPTIMIZER_LIBRARY} ZLIB::ZLIB)
+target_link_libraries(scene_test PRIVATE trex_scene trex_openimageio GTest::gtest_main ${DRACO_LIBRARY} ${MESHOPTIMIZER_LIBRARY} ZLIB::ZLIB)
 target_compile_definitions(scene_test PRIVATE
   TREX_SOURCE_DIR="${CMAKE_CURRENT_LIST_DIR}/../..")
 trex_gtest(scene_test)
