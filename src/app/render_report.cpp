@@ -21,10 +21,6 @@ const char* photonName(const SessionReport& r) {
   return r.photonRays ? "ray" : "voxel";
 }
 
-std::string bouncesText(std::uint32_t most) {
-  return most == Scene::kAnyBounces ? "all" : std::to_string(most);
-}
-
 bool filtered(const RenderSettings& s) { return s.denoise && s.exact < 1.0; }
 
 }  // namespace

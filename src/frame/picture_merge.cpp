@@ -118,8 +118,8 @@ void PictureMerger::checkFits(const Picture& picture, const std::string& name) c
     if (channelIndex(first_, channel) >= 0) continue;
     fail(ExitCode::kInput, "{}: has a layer {}, but {} has not", name, channel, firstName_);
   }
-  for (const char* key :
-       {"trex:scene", "trex:camera", "trex:environment", "trex:exact", "trex:transparent"}) {
+  for (const char* key : {"trex:scene", "trex:camera", "trex:environment", "trex:exact",
+                          "trex:maxBounces", "trex:transparent"}) {
     const std::string mine = metadata(picture, key), other = metadata(first_, key);
     if (mine == other) continue;
     fail(ExitCode::kInput, "{}: {} is \"{}\", but \"{}\" in {}; only one view can be merged", name,

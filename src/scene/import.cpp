@@ -148,9 +148,7 @@ Scene readByExtension(const std::filesystem::path& path, const ImportOptions& op
   }
   fail(ExitCode::kInput,
        "{}: unknown extension '{}'; .gltf, .glb, .ply, .obj, .stl, .xml (Mitsuba), .pbrt and what "
-       "assimp "
-       "knows (.fbx, "
-       ".dae, .3ds, .3mf, ...) can be read",
+       "assimp knows (.fbx, .dae, .3ds, .3mf, ...) can be read; export it as one of these",
        path.string(), extension);
 }
 
@@ -216,6 +214,10 @@ double parseUnit(const std::string& text) {
     fail(ExitCode::kUsage, "--unit {}: want mm, cm, m, in, ft or metres such as 0.001", text);
   }
   return metres;
+}
+
+std::string bouncesText(std::uint32_t most) {
+  return most == Scene::kAnyBounces ? "all" : std::to_string(most);
 }
 
 Scene importScene(const std::filesystem::path& path, const ImportOptions& options) {

@@ -67,6 +67,9 @@ struct ImportOptions {
 /// Metres of "mm", "cm", "m", "in", "ft" or a positive number. Throws Error(kUsage).
 double parseUnit(const std::string& text);
 
+/// Scene::maxBounces as the command line has it: a number, or "all".
+std::string bouncesText(std::uint32_t most);
+
 /// Reads a model by its extension, or makes it if the path is a synth: name (synth.h). Throws
 /// Error(kInput) that names the file, what is wrong in it and where. Triangles with a non-finite
 /// vertex are dropped and counted; a scene without any triangle is an error, as is one that reaches

@@ -9,6 +9,7 @@
 #include "src/core/log.h"
 #include "src/core/memory.h"
 #include "src/core/version.h"
+#include "src/scene/import.h"
 #include "src/viewer/viewer_parts.h"
 
 namespace trex {
@@ -225,6 +226,17 @@ std::string Viewer::headlessCommand(const std::string& editsPath, const std::str
       "trex render {} -o {} --size {}x{} --spp {} --exact {} --seed {} --edits {}",
       quoted(m.input.string()), quoted(output), s.width, s.height,
       std::max(m.session ? m.session->samplesDone() : 1u, 1u), s.exact, s.seed, quoted(editsPath));
+  const ImportOptions& i = m.options.import;
+  if (i.unit != 1.0) command += fmt::format(" --unit {}", i.unit);
+  if (i.zUp) command += " --up z";
+  if (i.pointSize > 0.0) command += fmt::format(" --point-size {}", i.pointSize);
+  if (!i.scene.empty()) command += " --scene " + quoted(i.scene);
+  if (!i.variant.empty()) command += " --variant " + quoted(i.variant);
+  if (!i.animation.empty()) {
+    command += fmt::format(" --animation {} --at {}", quoted(i.animation), i.atSeconds);
+  }
+  for (const std::string& define : i.defines) command += " -D " + quoted(define);
+  if (i.maxBounces) command += " --max-bounces " + bouncesText(*i.maxBounces);
   for (const std::string& v : m.options.volumes) command += " --volume " + quoted(v);
   if (!m.options.environment.empty()) command += " --env " + quoted(m.options.environment);
   if (s.guess != GuessKind::kAuto) {

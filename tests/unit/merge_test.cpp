@@ -137,7 +137,7 @@ TEST_F(PictureMerge, RefusesWhatDoesNotFit) {
   other = parts_[1];
   metadata(other, "trex:seed")->clear();
   EXPECT_NE(refusal(other).find("trex:seed"), std::string::npos);
-  for (const char* key : {"trex:scene", "trex:camera", "trex:exact"}) {
+  for (const char* key : {"trex:scene", "trex:camera", "trex:exact", "trex:maxBounces"}) {
     other = parts_[1];
     std::erase_if(other.metadata, [&](const auto& entry) { return entry.first == key; });
     other.metadata.emplace_back(key, "other");

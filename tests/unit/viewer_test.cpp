@@ -299,5 +299,26 @@ TEST_F(ViewerTest, BadFilesAreSaid) {
   EXPECT_THROW(viewer.loadEdits(folder_ / "bad.json"), Error);
 }
 
+/// What the viewer says that makes the same picture without it reads the model as it did.
+TEST_F(ViewerTest, TheCommandHasTheOptionsOfTheImport) {
+  ViewerOptions o = options();
+  o.input = "";
+  o.import.unit = 0.001;
+  o.import.zUp = true;
+  o.import.pointSize = 0.25;
+  o.import.scene = "my scene";
+  o.import.variant = "red";
+  o.import.animation = "walk";
+  o.import.atSeconds = 1.5;
+  o.import.defines = {"spp=4"};
+  o.import.maxBounces = 3;
+  const Viewer viewer(o);
+  EXPECT_NE(viewer.headlessCommand("e.json", "a.exr")
+                .find(" --unit 0.001 --up z --point-size 0.25 --scene 'my scene' --variant red "
+                      "--animation walk --at 1.5 -D spp=4 --max-bounces 3 "),
+            std::string::npos)
+      << viewer.headlessCommand("e.json", "a.exr");
+}
+
 }  // namespace
 }  // namespace trex
