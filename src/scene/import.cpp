@@ -232,8 +232,8 @@ Scene importScene(const std::filesystem::path& path, const ImportOptions& option
   const SourceFile model = examineSource(path);
   try {
     scene = readByExtension(path, options);
-  } catch (const Error&) {
-    throw;
+  } catch (const Error& e) {
+    throw Error(e.code(), oneLine(e.what()));  // names of the file are in it
   } catch (const std::bad_alloc&) {
     fail(ExitCode::kMemoryOrDevice, "{}: not enough memory to read it", path.string());
   } catch (const std::length_error&) {

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "src/core/error.h"
+
 namespace trex {
 namespace {
 
@@ -62,6 +64,7 @@ vec4 unpackVertexColor(const vec4& packed) {
 }
 
 void Replaced::add(std::string text, std::uint64_t parts) {
+  text = oneLine(std::move(text));
   count += parts;
   if (texts.size() >= kMostTexts) return;
   if (std::find(texts.begin(), texts.end(), text) == texts.end()) texts.push_back(std::move(text));

@@ -104,6 +104,9 @@ TEST_F(FuzzRegressions, MessagesAreOfOneLine) {
   };
   one("a.ply", "ply\rN\nD binary\nttle_end");
   one("a.obj", "mtllib none\rv 0 0\n0\nv 1 0 0\rv 1 1 0\rusemtl a\nb\rf 1 2 3\r");
+  one("a.pbrt", "Film \"image\" \"f\\ng t\" \"integer\"\n");
+  one("b.pbrt", "\"Fi\\nlm\"\n");
+  one("c.pbrt", "Camera \"a\" \"float fov\" \"f\\ng t\"\nMaterial \"x\\ny\"\nShape \"u\\nv\"\n");
   one("b.obj", "mtllib a\nb\rusemtl c\nd\rv 0 0\r");
 }
 
