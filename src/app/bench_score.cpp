@@ -6,7 +6,7 @@
 
 #include "src/core/error.h"
 #include "src/frame/picture_reader.h"
-#include "src/images/image_library.h"
+#include "src/frame/png.h"
 
 namespace trex {
 namespace {
@@ -27,7 +27,7 @@ std::string base64(std::span<const unsigned char> bytes) {
   return text;
 }
 
-std::vector<unsigned char> encodePng(const ColorImage& shown) {
+std::vector<std::uint8_t> pngOf(const ColorImage& shown) {
   std::vector<std::uint8_t> texels;
   for (const vec3& c : shown.pixels) {
     const vec3 encoded = ToneMap{}.apply(c);
@@ -35,16 +35,7 @@ std::vector<unsigned char> encodePng(const ColorImage& shown) {
       texels.push_back(static_cast<std::uint8_t>(std::lround(encoded[k] * 255.0f)));
     }
   }
-  std::vector<unsigned char> file;
-  const ImageToWrite image{.width = static_cast<int>(shown.width),
-                           .height = static_cast<int>(shown.height),
-                           .channels = {"R", "G", "B"},
-                           .data = texels.data()};
-  std::string error;
-  if (!imageLibrary().encodePng(image, file, error)) {
-    fail(ExitCode::kFailed, "a .png can't be encoded: {}", error);
-  }
-  return file;
+  return encodePng(shown.width, shown.height, false, texels);
 }
 
 void checkSize(const ColorImage& image, const std::string& path, std::uint32_t width,
@@ -90,7 +81,7 @@ nlohmann::json Scorer::score(ColorImage image) const {
 }
 
 std::string Scorer::png(const ColorImage& image) const {
-  return base64(encodePng(displayed(image, scale_)));
+  return base64(pngOf(displayed(image, scale_)));
 }
 
 Scorer readReference(const std::string& path, std::uint32_t width, std::uint32_t height) {

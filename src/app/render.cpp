@@ -93,7 +93,7 @@ int render(RenderArguments& a) {
   double importSeconds = 0.0;
   std::jthread imagesOpening;
   open.prepare = [&](const Scene& scene, ModelOptions& model) {
-    imagesOpening = openImageLibraryBehind();
+    if (needsImageLibrary(a.output)) imagesOpening = openImageLibraryBehind();
     if (!a.edits.empty()) look = readEdits(a, scene, model);
     views = makeViews(a, scene, look);
     checkOutputs(views, a.checkpoint);

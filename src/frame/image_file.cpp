@@ -2,10 +2,14 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
+#include <fstream>
 
 #include "src/core/error.h"
 #include "src/core/file.h"
+#include "src/frame/png.h"
 #include "src/images/image_library.h"
 
 namespace trex {
@@ -39,18 +43,27 @@ void writeExr(const fs::path& path, const fs::path& target, const Picture& pictu
          .chromaticities = kRec709});
 }
 
-/// Values of `type`, sRGB encoded.
-void writeDisplayed(const fs::path& path, const fs::path& target, std::uint32_t width,
-                    std::uint32_t height, bool alpha, ImageValues type, const void* values,
-                    const FileOptions& options) {
-  ImageToWrite image{.width = static_cast<int>(width),
-                     .height = static_cast<int>(height),
-                     .values = type,
-                     .channels = {"R", "G", "B"},
-                     .data = values,
-                     .jpegQuality = isJpeg(target) ? options.quality : 0};
-  if (alpha) image.channels.emplace_back("A");
-  write(path, target, image);
+void writeJpeg(const fs::path& path, const fs::path& target, std::uint32_t width,
+               std::uint32_t height, const std::vector<std::uint8_t>& rgb, int quality) {
+  write(path, target,
+        {.width = static_cast<int>(width),
+         .height = static_cast<int>(height),
+         .values = ImageValues::kByte,
+         .channels = {"R", "G", "B"},
+         .data = rgb.data(),
+         .jpegQuality = quality});
+}
+
+template <typename Value>
+void writePng(const fs::path& path, const fs::path& target, std::uint32_t width,
+              std::uint32_t height, bool alpha, const std::vector<Value>& values) {
+  const std::vector<std::uint8_t> file = encodePng(width, height, alpha, values);
+  std::ofstream out(path, std::ios::binary);
+  out.write(reinterpret_cast<const char*>(file.data()), static_cast<std::streamsize>(file.size()));
+  out.close();
+  if (!out) {
+    fail(ExitCode::kOutput, "{}: can't be written: {}", target.string(), std::strerror(errno));
+  }
 }
 
 /// Index of A where it is to be written.
@@ -84,16 +97,18 @@ std::vector<Value> displayedValues(const Picture& picture, const ToneMap& toneMa
 
 void writeToneMapped(const fs::path& path, const fs::path& target, const Picture& picture,
                      const ToneMap& toneMap, const FileOptions& options) {
+  const std::uint32_t width = picture.width, height = picture.height;
   const bool alpha = alphaChannel(picture) >= 0;
-  const auto writeValues = [&](ImageValues type, const void* values) {
-    writeDisplayed(path, target, picture.width, picture.height, alpha, type, values, options);
-  };
-  if (options.bits == 16) {
+  if (!isJpeg(target) && options.bits == 16) {
     const auto values = displayedValues<std::uint16_t>(picture, toneMap, 65535.0f);
-    writeValues(ImageValues::kShort, values.data());
+    writePng(path, target, width, height, alpha, values);
+    return;
+  }
+  const auto values = displayedValues<std::uint8_t>(picture, toneMap, 255.0f);
+  if (isJpeg(target)) {
+    writeJpeg(path, target, width, height, values, options.quality);
   } else {
-    const auto values = displayedValues<std::uint8_t>(picture, toneMap, 255.0f);
-    writeValues(ImageValues::kByte, values.data());
+    writePng(path, target, width, height, alpha, values);
   }
 }
 
@@ -119,6 +134,8 @@ float autoExposure(const Picture& picture) {
 bool isJpeg(const fs::path& path) {
   return lowerExtension(path) == ".jpg" || lowerExtension(path) == ".jpeg";
 }
+
+bool needsImageLibrary(const fs::path& path) { return isExr(path) || isJpeg(path); }
 
 bool isExr(const fs::path& path) { return lowerExtension(path) == ".exr"; }
 
@@ -152,7 +169,11 @@ void writeScreen(const fs::path& path, std::uint32_t width, std::uint32_t height
                rgba.begin() + static_cast<std::ptrdiff_t>(i) + 3);
   }
   writeAtomically(path, [&](const fs::path& temporary) {
-    writeDisplayed(temporary, path, width, height, false, ImageValues::kByte, rgb.data(), {});
+    if (isJpeg(path)) {
+      writeJpeg(temporary, path, width, height, rgb, FileOptions{}.quality);
+    } else {
+      writePng(temporary, path, width, height, false, rgb);
+    }
   });
 }
 

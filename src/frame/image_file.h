@@ -35,6 +35,8 @@ float autoExposure(const Picture& picture);
 bool knownPictureExtension(const std::filesystem::path& path);
 bool isExr(const std::filesystem::path& path);
 bool isJpeg(const std::filesystem::path& path);
+/// Whether writing it takes the library of src/images/image_library.h.
+bool needsImageLibrary(const std::filesystem::path& path);
 
 /// Writes by extension: .exr all channels as 32-bit float, linear, Rec. 709 with D65 as its
 /// chromaticities; .png and .jpg the first three channels tone-mapped to sRGB, which is noted in

@@ -16,15 +16,7 @@ struct ImageFile {
 namespace {
 
 OIIO::TypeDesc typeOf(ImageValues values) {
-  switch (values) {
-    case ImageValues::kByte:
-      return OIIO::TypeDesc::UINT8;
-    case ImageValues::kShort:
-      return OIIO::TypeDesc::UINT16;
-    case ImageValues::kFloat:
-      break;
-  }
-  return OIIO::TypeDesc::FLOAT;
+  return values == ImageValues::kByte ? OIIO::TypeDesc::UINT8 : OIIO::TypeDesc::FLOAT;
 }
 
 /// Colour comes multiplied by alpha else.
@@ -117,8 +109,8 @@ bool readRows(ImageFile& file, int begin, int end, float* to, std::string& error
 }
 
 OIIO::ImageSpec specOf(const ImageToWrite& image) {
-  const int channels = static_cast<int>(image.channels.size());
-  OIIO::ImageSpec spec(image.width, image.height, channels, typeOf(image.values));
+  OIIO::ImageSpec spec(image.width, image.height, static_cast<int>(image.channels.size()),
+                       typeOf(image.values));
   spec.channelnames = image.channels;
   if (image.values == ImageValues::kFloat) {
     spec.attribute("compression", "zip");
@@ -130,7 +122,6 @@ OIIO::ImageSpec specOf(const ImageToWrite& image) {
     }
   } else {
     spec.attribute("oiio:ColorSpace", "sRGB");
-    if (channels == 4) spec.attribute("oiio:UnassociatedAlpha", 1);  // as they come
   }
   if (image.jpegQuality > 0) {
     spec.attribute("Compression", "jpeg:" + std::to_string(image.jpegQuality));
@@ -140,9 +131,9 @@ OIIO::ImageSpec specOf(const ImageToWrite& image) {
   return spec;
 }
 
-bool writeTo(OIIO::ImageOutput* out, const std::string& path, const ImageToWrite& image,
-             std::string& error) {
-  if (out == nullptr) {
+bool write(const std::string& path, const ImageToWrite& image, std::string& error) {
+  const std::unique_ptr<OIIO::ImageOutput> out = OIIO::ImageOutput::create(path);
+  if (!out) {
     error = OIIO::geterror();
     return false;
   }
@@ -152,22 +143,11 @@ bool writeTo(OIIO::ImageOutput* out, const std::string& path, const ImageToWrite
   return good;
 }
 
-bool write(const std::string& path, const ImageToWrite& image, std::string& error) {
-  return writeTo(OIIO::ImageOutput::create(path).get(), path, image, error);
-}
-
-bool encodePng(const ImageToWrite& image, std::vector<unsigned char>& file, std::string& error) {
-  OIIO::Filesystem::IOVecOutput target(file);
-  const std::unique_ptr<OIIO::ImageOutput> out = OIIO::ImageOutput::create("png");
-  if (out) out->set_ioproxy(&target);
-  return writeTo(out.get(), "picture.png", image, error);
-}
-
 }  // namespace
 
 const ImageFunctions* trexImageFunctions() {
   static const ImageFunctions all{
-      OIIO::openimageio_version(), open, openMemory, close, spec, read, readRows, write, encodePng};
+      OIIO::openimageio_version(), open, openMemory, close, spec, read, readRows, write};
   return &all;
 }
 

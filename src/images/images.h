@@ -12,7 +12,7 @@
 
 namespace trex {
 
-enum class ImageValues { kByte, kShort, kFloat };
+enum class ImageValues { kByte, kFloat };
 
 /// What a part of a file says of itself.
 struct ImageFileSpec {
@@ -63,11 +63,8 @@ struct ImageFunctions {
   /// Rows [begin, end) of all channels of the first part, counted from 0, as floats; of tiled files
   /// `begin` is a multiple of the tile's height.
   bool (*readRows)(ImageFile& file, int begin, int end, float* to, std::string& error);
-  /// The format by the path's extension.
+  /// .exr of floats, .jpg of bytes: the format by the path's extension.
   bool (*write)(const std::string& path, const ImageToWrite& image, std::string& error);
-  /// A .png in memory.
-  bool (*encodePng)(const ImageToWrite& image, std::vector<unsigned char>& file,
-                    std::string& error);
 };
 
 extern "C" const ImageFunctions* trexImageFunctions();

@@ -250,11 +250,14 @@ class Start(unittest.TestCase):
             version = subprocess.run([alone, "--version"], capture_output=True)
             self.assertEqual(version.returncode, 0)
             result = subprocess.run(
-                [alone, "render", os.path.join(ASSETS, "cornell.glb"), "-o", os.path.join(folder, "a.png"),
+                [alone, "render", os.path.join(ASSETS, "cornell.glb"), "-o", os.path.join(folder, "a.exr"),
                  "--time", "1000", "--exact", "1"], capture_output=True, text=True, timeout=60)
             self.assertEqual(result.returncode, 4, result.stderr)
             self.assertIn("OpenImageIO can't be used", result.stderr)
             self.assertEqual(os.listdir(folder), [os.path.basename(TREX)])
+            # A .png is written without it.
+            subprocess.run([alone, "render", os.path.join(ASSETS, "cornell.glb"), "-o", os.path.join(folder, "a.png"),
+                            "--spp", "1", "--size", "8x8", "--exact", "1"], check=True, capture_output=True)
 
 
 class Doctor(unittest.TestCase):

@@ -5,11 +5,13 @@
 
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 
 #include "src/core/error.h"
 #include "src/frame/accumulator.h"
 #include "src/frame/image_file.h"
 #include "src/frame/picture_reader.h"
+#include "src/frame/png.h"
 #include "src/frame/tiles.h"
 
 namespace trex {
@@ -162,6 +164,39 @@ TEST_F(ImageFileTest, AlphaIsStraightInAPngOfEitherDepth) {
   auto in = OIIO::ImageInput::open((folder_ / "a.png").string());
   ASSERT_TRUE(in);
   EXPECT_EQ(in->spec().nchannels, 3);
+}
+
+/// Smooth parts and noise, so that rows are coded in all ways: every value comes back.
+template <typename Value>
+void checkPng(const fs::path& path, bool alpha, OIIO::TypeDesc type) {
+  constexpr std::uint32_t kWidth = 61, kHeight = 47;
+  const std::uint32_t channels = alpha ? 4 : 3;
+  std::vector<Value> values;
+  for (std::uint32_t i = 0; i < kWidth * kHeight * channels; ++i) {
+    const std::uint32_t x = i / channels % kWidth, y = i / channels / kWidth;
+    const std::uint32_t noise = y / 8 % 2 == 0 ? 0 : i * 2654435761u >> 16;
+    values.push_back(static_cast<Value>(y < 16 ? x * 3 + y : y * y + 700 * x + noise));
+  }
+  const std::vector<std::uint8_t> file = encodePng(kWidth, kHeight, alpha, values);
+  std::ofstream(path, std::ios::binary)
+      .write(reinterpret_cast<const char*>(file.data()), static_cast<std::streamsize>(file.size()));
+  OIIO::ImageSpec config;
+  config["oiio:UnassociatedAlpha"] = 1;
+  const auto in = OIIO::ImageInput::open(path.string(), &config);
+  ASSERT_TRUE(in);
+  EXPECT_EQ(in->spec().format, type);
+  ASSERT_EQ(in->spec().nchannels, static_cast<int>(channels));
+  ASSERT_EQ(in->spec().width, static_cast<int>(kWidth));
+  std::vector<Value> read(values.size());
+  ASSERT_TRUE(in->read_image(0, 0, 0, static_cast<int>(channels), type, read.data()));
+  EXPECT_EQ(read, values);
+}
+
+TEST_F(ImageFileTest, PngKeepsEveryValue) {
+  for (const bool alpha : {false, true}) {
+    checkPng<std::uint8_t>(folder_ / "a.png", alpha, OIIO::TypeDesc::UINT8);
+    checkPng<std::uint16_t>(folder_ / "a.png", alpha, OIIO::TypeDesc::UINT16);
+  }
 }
 
 TEST_F(ImageFileTest, JpegHasItsQuality) {
