@@ -86,7 +86,6 @@ class ViewTest(unittest.TestCase):
 
 class CommandLine(ViewTest):
     def test_only_the_viewer_loads_a_window_library(self):
-        # OpenImageIO brings libX11 with it, by way of its video codecs; that opens no display.
         needs = {name: subprocess.run(["ldd", name], capture_output=True, text=True, check=True).stdout
                  for name in (TREX, TREX + "-view")}
         for library in ("libglfw", "libimgui", "libvulkan"):
