@@ -192,6 +192,16 @@ uint asvoCoverage(uvec4 v, uint direction) ASVO_READS {
   return (direction < 5u ? v.x >> (6u * direction) : v.y) & 63u;
 }
 
+/// Area that the coverage of a voxel's faces leaves room for, in faces of the voxel: where there is
+/// more, layers hide each other.
+float asvoShownArea(uint voxel) ASVO_READS {
+  uvec4 v = ASVO_VOXEL(voxel);
+  uint x = max(asvoCoverage(v, 0u), asvoCoverage(v, 1u));
+  uint y = max(asvoCoverage(v, 2u), asvoCoverage(v, 3u));
+  uint z = max(asvoCoverage(v, 4u), asvoCoverage(v, 5u));
+  return float(int(x + y + z)) * (1.0f / 63.0f);
+}
+
 /// Whether the front of a child is part of the back of its parent: sums over sides that go up the
 /// tree exchange the sides then.
 bool asvoFlips(uint child, uint parent) ASVO_READS {

@@ -11,6 +11,9 @@ constexpr std::uint32_t kCoarserForFootprint = 2;  // levels that a wide footpri
 /// voxel, as wall, roof and their outer faces do, one that stands across its normal has no side.
 /// Three walls of a corner have 0.577.
 constexpr float kLeastCosine = 0.5f;
+/// Of a voxel's area over what of it can be seen along the axes: more lies in layers, as a carpet
+/// on a floor or a lamp under its ceiling, whose light is not that of the one that is seen.
+constexpr float kMostLayers = 1.1f;
 
 }  // namespace
 
@@ -39,6 +42,7 @@ bool LightCache::irradiance(const vec3& position, const vec3& normal, float radi
   if (voxel == asvo::ASVO_NONE) return false;
   const float cosine = glm::dot(tracer_.asvoNormal(voxel), normal);
   if (std::abs(cosine) < kLeastCosine || !(tracer_.asvoArea(voxel) > 0.0f)) return false;
+  if (tracer_.asvoArea(voxel) > kMostLayers * tracer_.asvoShownArea(voxel)) return false;
   const asvo::uvec4& packed = light_[voxel];
   out = tracer_.asvoUnpackRgb9e5(cosine > 0.0f ? packed.x : packed.y) * scale_;
   return true;

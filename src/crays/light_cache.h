@@ -43,7 +43,8 @@ class LightCache {
   /// Irradiance at a surface point on the side of `normal`, from the level that the footprint
   /// (radius, metres) asks for. `jitter` in [0, 1)^2 moves the point by up to half a voxel along
   /// the surface, so that voxel borders average out. False if no voxel there has area, or
-  /// the surface stands across the normal of what the voxel holds.
+  /// the surface stands across the normal of what the voxel holds, or the voxel holds layers that
+  /// hide each other.
   bool irradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
                   vec3& out) const;
 

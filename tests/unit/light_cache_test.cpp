@@ -1,0 +1,65 @@
+#include "src/crays/light_cache.h"
+
+#include <gtest/gtest.h>
+
+#include "src/session/model.h"
+#include "tests/unit/glass_scenes.h"
+
+namespace trex {
+namespace {
+
+/// A floor of 4 m with a carpet on its far half.
+TEST(LightCache, LayersThatHideEachOtherHaveNoLightOfTheirOwn) {
+  Scene scene;
+  scene.materials = {test::lambert(0.5f)};
+  test::place(scene, test::sheet(2.0f, 0.0f, 0));
+  Mesh carpet = test::sheet(1.0f, 0.002f, 0);
+  for (vec3& p : carpet.positions) p.x += 1.0f;
+  test::place(scene, carpet);
+  test::place(scene, test::sheet(2.0f, 1.0f, 0));  // far from both
+  ModelOptions options;
+  options.voxelDepth = 6;
+  options.voxelsInTheDark = true;
+  const Model model = makeModel(scene, options);
+  ASSERT_NE(model.voxels, nullptr);
+  LightCache cache(*model.voxels);
+  const std::uint32_t white = cache.tracer().asvoPackRgb9e5(vec3(1.0f));
+  const std::vector<asvo::uvec4> light(model.voxels->nodes.size(), asvo::uvec4(white));
+  cache.setLight(light, 1.0);
+  const dvec3 origin = model.rays->renderOrigin();
+  const auto reads = [&](const dvec3& at, float normal, float radius) {
+    vec3 irradiance;
+    return cache.irradiance(vec3(at - origin), vec3(0.0f, normal, 0.0f), radius, vec2(0.5f),
+                            irradiance);
+  };
+  for (const float radius : {0.05f, 0.2f}) {
+    EXPECT_TRUE(reads(dvec3(-1.1, 0.0, 0.3), 1.0f, radius));
+    EXPECT_FALSE(reads(dvec3(1.1, 0.002, 0.3), 1.0f, radius));
+    EXPECT_TRUE(reads(dvec3(1.1, 1.0, 0.3), -1.0f, radius));
+  }
+}
+
+/// A thin plate has two sides, a corner two walls: all of it can be seen.
+TEST(LightCache, PlatesAndCornersAreRead) {
+  Scene scene;
+  scene.materials = {test::lambert(0.5f)};
+  test::place(scene, test::box(vec3(-1.0f), vec3(1.0f, 1.0f, -0.998f), 0, false));
+  ModelOptions options;
+  options.voxelDepth = 5;
+  options.voxelsInTheDark = true;
+  const Model model = makeModel(scene, options);
+  LightCache cache(*model.voxels);
+  const std::vector<asvo::uvec4> light(model.voxels->nodes.size(),
+                                       asvo::uvec4(cache.tracer().asvoPackRgb9e5(vec3(1.0f))));
+  cache.setLight(light, 1.0);
+  const dvec3 origin = model.rays->renderOrigin();
+  for (const double side : {-1.0, 1.0}) {
+    vec3 irradiance;
+    EXPECT_TRUE(cache.irradiance(vec3(dvec3(0.1, 0.2, -0.999 + side * 0.001) - origin),
+                                 vec3(0.0f, 0.0f, static_cast<float>(side)), 0.01f, vec2(0.5f),
+                                 irradiance));
+  }
+}
+
+}  // namespace
+}  // namespace trex
