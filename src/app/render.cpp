@@ -104,6 +104,8 @@ int render(RenderArguments& a) {
     const std::uint64_t baked = isBundlePath(a.input)
                                     ? std::filesystem::file_size(a.input) - model.paged.disk
                                     : std::uint64_t{0};
+    // So that what the library takes is counted.
+    if (a.settings.maxMemory > 0 && imagesOpening.joinable()) imagesOpening.join();
     const Preflight fit = preflight(scene, a.settings, layers, baked, model.paged.topLevel);
     model.voxelBytes = fit.voxelBytes;
     model.cacheBytes = cacheFor(a, model.paged, fit);

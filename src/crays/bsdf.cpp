@@ -192,6 +192,7 @@ vec3 Bsdf::cachedAlbedo() const {
 }
 
 vec3 Bsdf::albedo() const {
+  if (unlit_) return vec3(0.0f);
   if (lobes_.transmission == 0.0f) return albedoOf(diffuseAlbedo(), glossAlbedo(), true);
   return cacheable_ ? cachedAlbedo() : vec3(1.0f);
 }

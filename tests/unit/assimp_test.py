@@ -150,7 +150,7 @@ class Assimp(unittest.TestCase):
 
     def test_a_file_that_needs_too_much_memory(self):
         model = self.big()
-        p = run("render", model, "-o", os.path.join(self.folder, "x.png"), "--size", "8x8", "--max-memory", "160M", "-q")
+        p = run("render", model, "-o", os.path.join(self.folder, "x.png"), "--size", "8x8", "--max-memory", "64M", "-q")
         self.assertEqual(p.returncode, 4, p.stderr)
         self.assertIn("big.off: assimp needs more than", p.stderr)
 
