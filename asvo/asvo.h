@@ -94,6 +94,9 @@ class TriangleSource {
 struct BuildOptions {
   int depth = 0;                        ///< 1..ASVO_MAX_DEPTH; 0: 8, less if limits say so
   std::uint64_t maxLeaves = 1'300'000;  ///< depth is reduced until the leaves fit
+  /// Depth is raised where nearly all of the cube is empty, until there are about as many leaves as
+  /// in one whose faces are full: a room far from other things gets leaves for its own size.
+  bool deepen = false;
   std::uint64_t maxBytes = 0;           ///< of the arrays of the tree with light; 0: no limit
   glm::vec3 lower{0.0f};                ///< corner of the cube, if size > 0
   float size = 0.0f;  ///< edge of the cube; 0: bounds of the triangles, grown a little

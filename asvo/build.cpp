@@ -478,13 +478,23 @@ GridTriangle::GridTriangle(const Triangle& triangle, const Grid& grid)
   }
 }
 
+int levelsToDeepen(std::uint64_t leaves, int depth) {
+  constexpr double kNearlyEmpty = 16.0;  // so that rooms and halls of any shape stay as they are
+  const double full = 6.0 * std::ldexp(1.0, 2 * depth);
+  const double times = full / std::max(1.0, static_cast<double>(leaves));
+  if (times < kNearlyEmpty) return 0;
+  return std::min(std::ilogb(times) / 2, static_cast<int>(ASVO_MAX_DEPTH) - depth);
+}
+
 Tree Tree::build(const TriangleSource& source, const BuildOptions& options) {
   check(source, options);
   constexpr std::uint64_t kMaxLeaves = 1ull << 28;  // node numbers of 32 bits, twice
   std::uint64_t maxLeaves = std::min(options.maxLeaves, kMaxLeaves);
   if (options.maxBytes > 0) maxLeaves = std::min(maxLeaves, options.maxBytes / kBytesPerLeaf);
-  Grid grid = makeGrid(source, options, options.depth > 0 ? options.depth : 8);
+  const int wanted = options.depth > 0 ? options.depth : 8;
+  Grid grid = makeGrid(source, options, wanted);
   grid.depth = possibleDepth(source, grid, maxLeaves, options.maxBytes);
+  bool deepen = options.deepen;
   for (;; --grid.depth) {
     const bool last = grid.depth == 1;
     std::vector<LeafList> lists;
@@ -493,7 +503,12 @@ Tree Tree::build(const TriangleSource& source, const BuildOptions& options) {
     for (const LeafList& list : lists) any = any || !list.keys.empty();
     if (!any) return emptyTree(grid);
     Tree tree = assemble(lists, grid);
-    if (last || options.maxBytes == 0 || bytesOf(tree) <= options.maxBytes) return tree;
+    if (!last && options.maxBytes > 0 && bytesOf(tree) > options.maxBytes) continue;
+    const bool whole = deepen && grid.depth == wanted;
+    const int more = whole ? levelsToDeepen(tree.leaves.size(), wanted) : 0;
+    if (more == 0) return tree;
+    deepen = false;
+    grid.depth += more + 1;
   }
 }
 

@@ -184,6 +184,8 @@ struct VoxelSums {
 /// right.
 float ditherOf(std::uint64_t key);
 
+/// Levels that BuildOptions::deepen adds to a tree of that depth with so many leaves.
+int levelsToDeepen(std::uint64_t leaves, int depth);
 /// Area code of a voxel (asvo_layout.h); 0 for 0 alone.
 std::uint32_t packArea(float faces, float dither);
 

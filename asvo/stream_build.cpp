@@ -177,7 +177,9 @@ Tree buildFromBlocks(const BlockSource& source, const StreamBuildOptions& option
   const auto threads = static_cast<std::uint64_t>(tbb::this_task_arena::max_concurrency());
   const std::uint64_t most =
       std::max<std::uint64_t>(options.memoryBytes / threads / kTriangleBytes, 16'384);
-  Grid grid = gridOf(source, tree.depth > 0 ? tree.depth : 8);
+  const int wanted = tree.depth > 0 ? tree.depth : 8;
+  Grid grid = gridOf(source, wanted);
+  bool deepen = tree.deepen;
   for (;; --grid.depth) {
     const bool last = grid.depth == 1;
     std::vector<LeafList> lists;
@@ -187,7 +189,12 @@ Tree buildFromBlocks(const BlockSource& source, const StreamBuildOptions& option
                                  [](const LeafList& list) { return !list.keys.empty(); });
     if (!any) return emptyTree(grid);
     Tree out = assemble(lists, grid);
-    if (last || tree.maxBytes == 0 || bytesOf(out) <= tree.maxBytes) return out;
+    if (!last && tree.maxBytes > 0 && bytesOf(out) > tree.maxBytes) continue;
+    const bool whole = deepen && grid.depth == wanted;
+    const int more = whole ? levelsToDeepen(out.leaves.size(), wanted) : 0;
+    if (more == 0) return out;
+    deepen = false;
+    grid.depth += more + 1;
   }
 }
 

@@ -348,7 +348,8 @@ void addBakeCommand(CLI::App& app) {
                 "Model: .gltf .glb .ply .obj .stl .xml .pbrt, or synth:NAME?triangles=N&seed=S")
       ->required();
   c->add_option("-o,--output", a->output, "Bundle: X.trex")->required();
-  c->add_option("--depth", a->depth, "Levels of voxels below the root")
+  c->add_option("--depth", a->depth,
+                "Levels of voxels below the root; more where nearly all is empty")
       ->check(CLI::Range(1, static_cast<int>(asvo::ASVO_MAX_DEPTH)))
       ->capture_default_str();
   c->add_option("--precision", a->precision, "Grid cells along a mesh's largest extent: 2^BITS")

@@ -139,9 +139,11 @@ void noteVoxels(const fs::path& path, const BundleContents& contents, const Mode
   }
   const auto depth = static_cast<int>(contents.voxels->info.depth);
   const int asked = contents.description.voxelDepth;
-  if (depth > wanted.voxelDepth || (asked < wanted.voxelDepth && depth == asked)) {
-    logInfo("{}: its voxels have depth {}; for this picture the model itself would get {}",
-            path.string(), depth, wanted.voxelDepth);
+  const bool finer = asked > wanted.voxelDepth && depth > wanted.voxelDepth;
+  const bool coarser = asked < wanted.voxelDepth && depth >= asked;
+  if (finer || coarser) {
+    logInfo("{}: its voxels, of depth {}, are {} than the model itself would get for this picture",
+            path.string(), depth, finer ? "finer" : "coarser");
   }
 }
 

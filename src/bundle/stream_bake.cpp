@@ -250,6 +250,7 @@ class StreamBake {
                                cache, static_cast<std::uint32_t>(scene_.materials.size()));
     asvo::BuildOptions build;
     build.depth = options_.voxelDepth;
+    build.deepen = true;
     build.maxBytes = std::max(kFewestVoxelBytes, left / 4);
     tree_ = buildPagedVoxels(scene_, mesh, build, std::max<std::uint64_t>(left / 8, 16u << 20),
                              [this](double done) { return options_.keepGoing("voxels", done); });

@@ -46,6 +46,7 @@ std::shared_ptr<asvo::Tree> makeVoxels(const Scene& scene, const std::vector<Mat
   asvo::BuildOptions build;
   build.depth = options.voxelDepth;
   build.maxBytes = options.voxelBytes;
+  build.deepen = true;
   const VoxelSource source(scene, materials, renderOrigin);
   return std::make_shared<asvo::Tree>(asvo::Tree::build(source, build));
 }

@@ -30,7 +30,7 @@ struct PagedSizes {
 struct ModelOptions {
   bool voxels = true;            ///< build them if anything shines
   bool voxelsInTheDark = false;  ///< build them even if nothing does: edits may bring light
-  int voxelDepth = 8;            ///< levels below the root
+  int voxelDepth = 8;            ///< levels below the root; more where nearly all is empty
   std::uint64_t voxelBytes = 0;  ///< limit of their arrays with light; 0: none
   int precisionBits = 24;        ///< grid cells along a mesh's largest extent: 2^bits, 8..24
   std::uint64_t cacheBytes = 0;  ///< limit of pages in memory; 0: all of them

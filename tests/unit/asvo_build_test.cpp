@@ -236,6 +236,23 @@ TEST(AsvoBuild, DepthFollowsTheLimits) {
   EXPECT_THROW(Tree::build(shape, {.size = -1.0f}), std::invalid_argument);
 }
 
+// A box far from others gets leaves for its own size, as far as limits allow.
+TEST(AsvoBuild, DepthGrowsWhereNearlyAllIsEmpty) {
+  Shape shape;
+  for (const float x : {-25.0f, 0.0f, 25.0f}) {
+    shape.addBox(vec3(x, 0.0f, 0.0f) - 0.5f, vec3(x, 0.0f, 0.0f) + 0.5f);
+  }
+  BuildOptions options{.depth = 7};
+  EXPECT_EQ(7u, Tree::build(shape, options).info.depth);
+  options.deepen = true;
+  const Tree fine = Tree::build(shape, options);
+  EXPECT_GE(fine.info.depth, 10u);
+  EXPECT_LE(fine.info.leafCount, 8u << 14);  // about as in a full cube
+  options.maxLeaves = fine.info.leafCount - 1;
+  EXPECT_EQ(fine.info.depth - 1, Tree::build(shape, options).info.depth);
+  EXPECT_EQ(7u, Tree::build(asvo_shapes::cornellBox(), {.depth = 7, .deepen = true}).info.depth);
+}
+
 // More triangles in one leaf than are kept apart: their averages and areas stay.
 TEST(AsvoBuild, CrowdedLeaf) {
   Shape shape;
