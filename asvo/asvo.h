@@ -97,9 +97,9 @@ struct BuildOptions {
   /// Depth is raised where nearly all of the cube is empty, until there are about as many leaves as
   /// in one whose faces are full: a room far from other things gets leaves for its own size.
   bool deepen = false;
-  std::uint64_t maxBytes = 0;           ///< of the arrays of the tree with light; 0: no limit
-  glm::vec3 lower{0.0f};                ///< corner of the cube, if size > 0
-  float size = 0.0f;  ///< edge of the cube; 0: bounds of the triangles, grown a little
+  std::uint64_t maxBytes = 0;  ///< of the arrays of the tree with light; 0: no limit
+  glm::vec3 lower{0.0f};       ///< corner of the cube, if size > 0
+  float size = 0.0f;           ///< edge of the cube; 0: bounds of the triangles, grown a little
 };
 
 /// A voxel that emits: its node, and the radiance of front and back, W/(m^2 sr), rgb9e5.
