@@ -7,6 +7,9 @@ namespace trex {
 namespace {
 
 constexpr std::uint32_t kCoarserForFootprint = 2;  // levels that a wide footprint may go up
+/// Photons a leaf from which on it may go up a level less, and again so many times as many: coarse
+/// voxels spread light over the edges of shadows, and are read for their smaller noise alone.
+constexpr double kPhotonsOfLeaf = 1.0, kForALevel = 8.0;
 /// Cosine between a surface and its voxel's normal. Where surfaces of all directions meet in one
 /// voxel, as wall, roof and their outer faces do, one that stands across its normal has no side.
 /// Three walls of a corner have 0.577.
@@ -22,16 +25,21 @@ LightCache::LightCache(const asvo::Tree& tree)
       info_(tree.info),
       leafSize_(tree.info.size / static_cast<float>(1u << tree.info.depth)) {}
 
-void LightCache::setLight(std::span<const asvo::uvec4> light, double scale) {
+void LightCache::setLight(std::span<const asvo::uvec4> light, double scale, double photons) {
   light_ = light;
   scale_ = static_cast<float>(scale);
+  coarser_ = kCoarserForFootprint;
+  for (double enough = kPhotonsOfLeaf * info_.leafCount; coarser_ > 0 && photons >= enough;) {
+    enough *= kForALevel;
+    --coarser_;
+  }
 }
 
 bool LightCache::irradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
                             vec3& out) const {
   if (light_.empty()) return false;
   const float wide = std::max(radius / leafSize_, 1.0f);
-  const auto up = std::min(static_cast<std::uint32_t>(std::ilogb(wide)), kCoarserForFootprint);
+  const auto up = std::min(static_cast<std::uint32_t>(std::ilogb(wide)), coarser_);
   const std::uint32_t level = info_.depth - std::min(up, info_.depth);
   const float edge = info_.size / static_cast<float>(1u << level);
   const Basis basis(normal);

@@ -28,8 +28,9 @@ class LightCache {
  public:
   /// The tree must outlive the cache. Without setLight() nothing is found.
   explicit LightCache(const asvo::Tree& tree);
-  /// `light` as in asvo_layout.h, in units of `scale` W/m^2. The span must stay valid.
-  void setLight(std::span<const asvo::uvec4> light, double scale);
+  /// `light` as in asvo_layout.h, in units of `scale` W/m^2, of so many photons: the more there
+  /// are, the finer are the voxels that wide footprints read. The span must stay valid.
+  void setLight(std::span<const asvo::uvec4> light, double scale, double photons);
 
   bool hasLight() const { return !light_.empty(); }
   double scale() const { return static_cast<double>(scale_); }
@@ -54,6 +55,7 @@ class LightCache {
   asvo::AsvoInfo info_{};
   float leafSize_ = 0.0f;
   float scale_ = 1.0f;
+  std::uint32_t coarser_ = 0;  ///< levels that a wide footprint may go up
 };
 
 }  // namespace trex

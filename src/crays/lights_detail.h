@@ -1,4 +1,4 @@
-// What the sources of LightSet share. Not for other files.
+// What the sources of LightSet and those who follow photons share. Not for other files.
 #pragma once
 
 #include <algorithm>

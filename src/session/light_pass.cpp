@@ -111,7 +111,7 @@ bool LightPass::run(std::uint64_t target, const std::function<bool()>& keepGoing
     going = going && device_.resolveLight(counted(), keepGoing);
   } while (noticeLoss());
   if (going) {
-    cache_.setLight(device_.light(), scale_);
+    cache_.setLight(device_.light(), scale_, static_cast<double>(counted()));
     resolved_ = counted();
   }
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;

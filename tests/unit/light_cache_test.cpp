@@ -25,7 +25,7 @@ TEST(LightCache, LayersThatHideEachOtherHaveNoLightOfTheirOwn) {
   LightCache cache(*model.voxels);
   const std::uint32_t white = cache.tracer().asvoPackRgb9e5(vec3(1.0f));
   const std::vector<asvo::uvec4> light(model.voxels->nodes.size(), asvo::uvec4(white));
-  cache.setLight(light, 1.0);
+  cache.setLight(light, 1.0, 0.0);
   const dvec3 origin = model.rays->renderOrigin();
   const auto reads = [&](const dvec3& at, float normal, float radius) {
     vec3 irradiance;
@@ -37,6 +37,40 @@ TEST(LightCache, LayersThatHideEachOtherHaveNoLightOfTheirOwn) {
     EXPECT_FALSE(reads(dvec3(1.1, 0.002, 0.3), 1.0f, radius));
     EXPECT_TRUE(reads(dvec3(1.1, 1.0, 0.3), -1.0f, radius));
   }
+}
+
+/// The more photons there are, the finer are the voxels that a wide footprint reads.
+TEST(LightCache, WideFootprintsReadFinerVoxelsOfMorePhotons) {
+  Scene scene;
+  scene.materials = {test::lambert(0.5f)};
+  test::place(scene, test::sheet(2.0f, 0.0f, 0));
+  ModelOptions options;
+  options.voxelDepth = 6;
+  options.voxelsInTheDark = true;
+  const Model model = makeModel(scene, options);
+  const asvo::Tree& tree = *model.voxels;
+  LightCache cache(tree);
+  // Each node's light is its level.
+  std::vector<asvo::uvec4> light(tree.nodes.size());
+  for (std::uint32_t level = 0; level <= tree.info.depth; ++level) {
+    for (std::uint32_t i = tree.levelOffsets[level]; i < tree.levelOffsets[level + 1]; ++i) {
+      light[i] = asvo::uvec4(cache.tracer().asvoPackRgb9e5(vec3(static_cast<float>(level))));
+    }
+  }
+  const auto levelRead = [&](double photonsOfLeaf, float radius) {
+    cache.setLight(light, 1.0, photonsOfLeaf * tree.info.leafCount);
+    vec3 value(-1.0f);
+    EXPECT_TRUE(cache.irradiance(vec3(dvec3(0.3, 0.0, 0.2) - model.rays->renderOrigin()),
+                                 vec3(0.0f, 1.0f, 0.0f), radius * cache.leafSize(), vec2(0.5f),
+                                 value));
+    return static_cast<std::uint32_t>(value.x + 0.5f);
+  };
+  const std::uint32_t leaves = tree.info.depth;
+  EXPECT_EQ(levelRead(0.5, 5.0f), leaves - 2);
+  EXPECT_EQ(levelRead(2.0, 5.0f), leaves - 1);
+  EXPECT_EQ(levelRead(10.0, 5.0f), leaves);
+  EXPECT_EQ(levelRead(0.5, 2.5f), leaves - 1);
+  EXPECT_EQ(levelRead(0.5, 1.0f), leaves);
 }
 
 /// A thin plate has two sides, a corner two walls: all of it can be seen.
@@ -51,7 +85,7 @@ TEST(LightCache, PlatesAndCornersAreRead) {
   LightCache cache(*model.voxels);
   const std::vector<asvo::uvec4> light(model.voxels->nodes.size(),
                                        asvo::uvec4(cache.tracer().asvoPackRgb9e5(vec3(1.0f))));
-  cache.setLight(light, 1.0);
+  cache.setLight(light, 1.0, 0.0);
   const dvec3 origin = model.rays->renderOrigin();
   for (const double side : {-1.0, 1.0}) {
     vec3 irradiance;
