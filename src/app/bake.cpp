@@ -14,10 +14,11 @@
 #include <optional>
 
 #include "src/app/app.h"
-#include "src/app/interrupt.h"
 #include "src/app/progress.h"
 #include "src/bundle/bundle.h"
 #include "src/bundle/stream_bake.h"
+#include "src/command/interrupt.h"
+#include "src/command/parse.h"
 #include "src/core/clock.h"
 #include "src/core/error.h"
 #include "src/core/file.h"

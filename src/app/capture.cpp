@@ -8,8 +8,8 @@
 #include <cstdio>
 #include <cstdlib>
 
-#include "src/app/interrupt.h"
 #include "src/app/render_report.h"
+#include "src/command/interrupt.h"
 #include "src/core/clock.h"
 #include "src/core/error.h"
 #include "src/core/hash.h"

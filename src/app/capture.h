@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "src/app/progress.h"
-#include "src/app/render_arguments.h"
+#include "src/command/render_arguments.h"
 #include "src/frame/layers.h"
 #include "src/session/checkpoint.h"
 #include "src/session/model.h"

@@ -11,6 +11,7 @@
 #include "asvo/medium.h"
 #include "src/app/app.h"
 #include "src/bundle/bundle.h"
+#include "src/command/parse.h"
 #include "src/core/error.h"
 #include "src/core/memory.h"
 #include "src/scene/synth.h"

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "src/app/app.h"
+#include "src/bench/bench.h"
 #include "src/core/error.h"
 #include "src/core/log.h"
 #include "src/core/version.h"

@@ -11,8 +11,9 @@
 
 #include "src/app/app.h"
 #include "src/app/capture.h"
-#include "src/app/interrupt.h"
 #include "src/bundle/bundle.h"
+#include "src/command/interrupt.h"
+#include "src/command/parse.h"
 #include "src/core/clock.h"
 #include "src/core/error.h"
 #include "src/core/file.h"

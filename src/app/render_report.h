@@ -3,7 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "src/app/render_arguments.h"
+#include "src/command/render_arguments.h"
 #include "src/session/session.h"
 
 namespace trex {

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "src/app/interrupt.h"
+#include "src/command/interrupt.h"
 
 namespace trex {
 namespace {

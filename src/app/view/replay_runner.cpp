@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "src/app/interrupt.h"
+#include "src/command/interrupt.h"
 #include "src/core/error.h"
 #include "src/frame/flip.h"
 #include "src/frame/image_file.h"

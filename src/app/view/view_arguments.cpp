@@ -3,7 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <cmath>
 
-#include "src/app/app.h"
+#include "src/command/parse.h"
 #include "src/core/error.h"
 #include "src/core/log.h"
 #include "src/core/version.h"

@@ -1,4 +1,4 @@
-#include "src/app/bench_tradeoff.h"
+#include "src/bench/bench_tradeoff.h"
 
 #include <tbb/global_control.h>
 #include <tbb/info.h>
@@ -11,8 +11,8 @@
 #include <memory>
 #include <optional>
 
-#include "src/app/bench_score.h"
-#include "src/app/interrupt.h"
+#include "src/bench/bench_score.h"
+#include "src/command/interrupt.h"
 #include "src/core/clock.h"
 #include "src/core/error.h"
 #include "src/core/log.h"

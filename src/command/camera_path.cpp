@@ -1,4 +1,4 @@
-#include "src/app/camera_path.h"
+#include "src/command/camera_path.h"
 
 #include <fmt/format.h>
 

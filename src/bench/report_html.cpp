@@ -1,8 +1,8 @@
-#include "src/app/report_html.h"
+#include "src/bench/report_html.h"
 
 #include <fmt/format.h>
 
-#include "src/app/chart.h"
+#include "src/bench/chart.h"
 
 namespace trex {
 namespace {

@@ -17,10 +17,11 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
-#include "src/app/app.h"
-#include "src/app/bench_rooms.h"
-#include "src/app/median.h"
-#include "src/app/render_arguments.h"
+#include "src/bench/bench.h"
+#include "src/bench/bench_rooms.h"
+#include "src/bench/median.h"
+#include "src/command/parse.h"
+#include "src/command/render_arguments.h"
 #include "src/core/error.h"
 #include "src/core/file.h"
 #include "src/core/sampler.h"

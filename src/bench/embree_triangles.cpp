@@ -1,4 +1,4 @@
-#include "src/app/embree_triangles.h"
+#include "src/bench/embree_triangles.h"
 
 #include <embree3/rtcore.h>
 

@@ -1,4 +1,4 @@
-#include "src/app/bench_hccmesh.h"
+#include "src/bench/bench_hccmesh.h"
 
 #include <fmt/format.h>
 #include <tbb/blocked_range.h>
@@ -14,8 +14,8 @@
 #include <vector>
 
 #include "hccmesh/pack.h"
-#include "src/app/embree_triangles.h"
-#include "src/app/median.h"
+#include "src/bench/embree_triangles.h"
+#include "src/bench/median.h"
 #include "src/core/sampler.h"
 #include "src/crays/ray_scene.h"
 #include "src/scene/import.h"

@@ -1,4 +1,4 @@
-#include "src/app/chart.h"
+#include "src/bench/chart.h"
 
 #include <fmt/format.h>
 

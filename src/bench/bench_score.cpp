@@ -1,4 +1,4 @@
-#include "src/app/bench_score.h"
+#include "src/bench/bench_score.h"
 
 #include <cmath>
 #include <filesystem>

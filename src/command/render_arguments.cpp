@@ -1,11 +1,11 @@
-#include "src/app/render_arguments.h"
+#include "src/command/render_arguments.h"
 
 #include <fmt/format.h>
 
 #include <cmath>
 
-#include "src/app/app.h"
-#include "src/app/camera_path.h"
+#include "src/command/camera_path.h"
+#include "src/command/parse.h"
 #include "src/core/error.h"
 #include "src/scene/import.h"
 

@@ -1,4 +1,4 @@
-#include "src/app/interrupt.h"
+#include "src/command/interrupt.h"
 
 #include <csignal>
 #include <cstdlib>

@@ -1,7 +1,7 @@
 #include <charconv>
 #include <cstdlib>
 
-#include "src/app/app.h"
+#include "src/command/parse.h"
 #include "src/core/error.h"
 #include "src/session/settings.h"
 

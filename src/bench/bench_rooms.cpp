@@ -1,4 +1,4 @@
-#include "src/app/bench_rooms.h"
+#include "src/bench/bench_rooms.h"
 
 #include <numbers>
 

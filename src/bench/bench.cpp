@@ -9,12 +9,13 @@
 #include <memory>
 #include <optional>
 
-#include "src/app/app.h"
-#include "src/app/bench_hccmesh.h"
-#include "src/app/bench_tradeoff.h"
-#include "src/app/interrupt.h"
-#include "src/app/render_arguments.h"
-#include "src/app/report_html.h"
+#include "src/bench/bench.h"
+#include "src/bench/bench_hccmesh.h"
+#include "src/bench/bench_tradeoff.h"
+#include "src/bench/report_html.h"
+#include "src/command/interrupt.h"
+#include "src/command/parse.h"
+#include "src/command/render_arguments.h"
 #include "src/core/error.h"
 #include "src/core/file.h"
 
