@@ -114,8 +114,8 @@ void Capture::runView(std::uint32_t frame) {
 void Capture::advance(Session& session, std::uint32_t frame) {
   Progress progress;
   while (!session.goalReached() && interruptedBy() == 0) {
-    session.run([&](double share) {
-      progress.show(share, session.samplesDone());
+    session.run([&] {
+      progress.show(session.progress(), session.samplesDone());
       const bool due = !a_.checkpoint.empty() && secondsNow() >= nextCheckpoint_;
       return interruptedBy() == 0 && !hangupSeen() && !due;
     });

@@ -96,7 +96,7 @@ void addMetadata(Picture& picture, const RenderArguments& a, const View& view,
   const auto put = [&](const char* key, const std::string& value) {
     picture.metadata.emplace_back(std::string("trex:") + key, value);
   };
-  const dvec3 origin = session.renderOrigin();
+  const dvec3 origin = session.rays().renderOrigin();
   put("version", kVersion);
   put("scene", std::filesystem::path(a.input).filename().string());
   put("camera", cameraText(view.camera));

@@ -80,7 +80,7 @@ double meanOf(Scene scene, int depth, GuessKind guess, int device) {
   settings.guess = guess;
   settings.device = device;
   Session session(std::make_shared<Model>(makeModel(std::move(scene), options)), camera, settings);
-  session.run([](double) { return true; });
+  session.run();
   double sum = 0.0;
   for (std::uint32_t y = 0; y < kSide; ++y) {
     for (std::uint32_t x = 0; x < kSide; ++x) sum += session.frame().mean(x, y).y;

@@ -52,7 +52,7 @@ json machine() {
 /// Runs until `seconds` of rendering in all; the first pass is finished in any case.
 void runUntil(Session& session, double seconds) {
   const double start = secondsNow() - session.report().renderSeconds;
-  session.run([&](double) {
+  session.run([&] {
     return interruptedBy() == 0 && (session.samplesDone() == 0 || secondsNow() - start < seconds);
   });
 }

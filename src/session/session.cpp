@@ -1,155 +1,195 @@
 #include "src/session/session.h"
 
 #include <algorithm>
-#include <chrono>
+#include <utility>
 
-#include "src/frame/denoise.h"
-#include "src/session/batch.h"
-#include "src/session/light_side.h"
+#include "src/core/clock.h"
 
 namespace trex {
 namespace {
 
 constexpr std::uint32_t kTileSize = 64;
 
-/// Seconds a pixel that the filter takes here, at most: every neighbour counts on an even picture.
-double filterSeconds() {
-  constexpr std::uint32_t kSide = 64;
-  FeatureImage features(kSide, kSide);
-  const std::vector<vec3> even(kSide * kSide, vec3(1.0f));
-  double best = kInfinity;
-  for (int run = 0; run < 2; ++run) {
-    const double mark = secondsNow();
-    denoiseGuess(features, even, even);
-    best = std::min(best, secondsNow() - mark);
-  }
-  return best / (kSide * kSide);
+/// Without a guess there is nothing to be filtered.
+RenderSettings settled(RenderSettings settings) {
+  settings.denoise &= settings.exact < 1.0;
+  return settings;
 }
 
 }  // namespace
 
 Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
                  const RenderSettings& settings, const PictureLayers& layers)
-    : settings_(settings), layers_(layers), model_(std::move(model)), view_(camera) {
-  settings_.denoise &= settings_.exact < 1.0;
+    : settings_(settled(settings)),
+      layers_(layers),
+      model_(std::move(model)),
+      view_(camera),
+      goal_(settings_),
+      light_(settings_),
+      samples_(settings_) {
   layers_.alpha |= settings_.transparent;
   makeFrames();
-  const RayScene& rays = *model_->rays;
-  lights_ = std::make_unique<LightSet>(model_->scene, rays);
-  report_.mesh = rays.statistics();
+  lights_ = std::make_unique<LightSet>(model_->scene, *model_->rays);
+  report_.mesh = model_->rays->statistics();
   report_.meshSeconds = model_->meshSeconds;
   report_.voxelSeconds = model_->voxelSeconds;
-  camera_ =
-      std::make_unique<CameraRays>(camera, rays.renderOrigin(), settings_.width, settings_.height);
+  makeCamera();
   if (settings_.exact < 1.0 && model_->voxels && lights_->anyPower()) {
     const double mark = secondsNow();
-    setVoxels(model_->voxels, makeDevice(model_->scene.materials, model_->scene.images,
-                                         *model_->voxels, settings_));
-    report_.deviceSeconds = secondsNow() - mark - report_.aimSeconds;
-  }
-  if (settings_.denoise && settings_.seconds > 0.0) {
-    const double filters = settings_.exact > 0.0 ? 2.0 : 1.0;
-    filterEstimate_ = filters * filterSeconds() * settings_.width * settings_.height;
+    light_.setVoxels(
+        model_->voxels,
+        makeLightDevice(model_->scene.materials, model_->scene.images, *model_->voxels, settings_),
+        VoxelLight::State::kPhotons);
+    report_.deviceSeconds = secondsNow() - mark;
   }
   makeCaustics();
-  makeIntegrators();
+  makeSources();
 }
 
 Session::~Session() = default;
 
+// ---- the loop ----
+
+void Session::run(const KeepGoing& keepGoing) {
+  bool going = true;
+  const auto ask = [&] {
+    going = going && keepGoing();
+    return going;
+  };
+  while (going && step(ask, vec2(0.5f))) continue;
+}
+
+std::optional<Work> Session::step(const KeepGoing& keepGoing, vec2 pointer) {
+  const std::optional<Work> work = plan(state());
+  if (work) perform(*work, keepGoing, pointer);
+  return work;
+}
+
+SessionState Session::state() const {
+  SessionState s;
+  s.guesses = settings_.exact < 1.0 && lights_->anyPower();
+  s.light = light_.state();
+  s.photons = light_.photons();
+  s.leastPhotons = light_.leastPhotons();
+  s.pixels = pixels();
+  s.samples = samplesDone();
+  s.mostSamples = goal_.mostSamples();
+  s.goalReached = goalReached();
+  s.turn = turn_;
+  s.interactive = preview_ != nullptr;
+  if (!preview_) return s;
+  s.previewCells = preview_->tiles.coarseCells();
+  s.previewSamples = preview_->tiles.samplesDone();
+  return s;
+}
+
+void Session::perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer) {
+  const double start = secondsNow() - report_.renderSeconds;
+  const std::uint32_t samples = samplesDone();
+  const auto going = [&] {
+    report_.renderSeconds = secondsNow() - start;
+    return keepGoing() && !goal_.late(samples, report_.renderSeconds);
+  };
+  switch (work.kind) {
+    case Work::Kind::kSamples:
+      frame_->tiles.setBarrier(work.barrier);
+      samples_.take(*frame_, source_, light_, going, pointer);
+      goal_.look(frame_->sums, samplesDone());
+      break;
+    case Work::Kind::kPhotons:
+      shootPhotons(work.photons, going);
+      break;
+    case Work::Kind::kLight:
+      renewLight();
+      break;
+    case Work::Kind::kPreview:
+      preview_->tiles.setBarrier(work.barrier);
+      samples_.take(*preview_, previewSource_, light_, going, pointer);
+      break;
+  }
+  ++turn_;
+  report_.renderSeconds = secondsNow() - start;
+}
+
+/// Samples of the frame wait for the first light, and begin with it.
+void Session::shootPhotons(std::uint64_t photons, const KeepGoing& keepGoing) {
+  const bool first = light_.state() == VoxelLight::State::kShooting;
+  const LightCache* before = light_.cache();
+  if (!light_.shoot(photons, keepGoing) || !first) return;
+  frame_->restart();
+  if (light_.cache() != before) makeSources();
+}
+
+/// One step towards photons. Those of the viewer go where it looks.
+void Session::renewLight() {
+  const bool photons = light_.state() == VoxelLight::State::kPhotons;
+  if (photons && settings_.interactive) light_.aimAt(view_);
+  const double mark = secondsNow();
+  light_.renew(*model_, *lights_, view_, settings_.width, settings_.height);
+  if (photons) report_.aimSeconds = secondsNow() - mark;
+}
+
+double Session::progress() const {
+  const double part = static_cast<double>(frame_->tiles.tilesDone()) /
+                      static_cast<double>(frame_->tiles.tiles().size());
+  return goal_.progress(samplesDone() + part, report_.renderSeconds);
+}
+
+double Session::estimatedError(std::uint32_t stride) const {
+  return samplesDone() < 2 ? -1.0 : frame_->sums.estimatedError(stride);
+}
+
+PathSample Session::probe(std::uint32_t x, std::uint32_t y, std::uint32_t sample) const {
+  std::vector<ConeRequest> cones;
+  RayCounts counts;
+  return source_.integrator->sample(x, y, settings_.width, sample, true, 0, cones, counts);
+}
+
+// ---- what samples need ----
+
 void Session::makeFrames() {
+  using Order = TileScheduler::Order;
   const std::uint32_t width = settings_.width, height = settings_.height;
-  const auto make = [&](TileScheduler::Order order) {
+  const auto make = [&](Order order) {
     return std::make_unique<FrameBuffers>(
         width, height, shownOptions().pairs, settings_.denoise, layers_,
         TileScheduler(makeTiles(width, height, kTileSize), order, width, height));
   };
-  frame_ = make(settings_.interactive ? TileScheduler::Order::kPerception
-                                      : TileScheduler::Order::kSweep);
-  if (settings_.interactive) preview_ = make(TileScheduler::Order::kPerception);
+  frame_ = make(settings_.interactive ? Order::kPerception : Order::kSweep);
+  if (settings_.interactive) preview_ = make(Order::kPerception);
 }
 
-void Session::run(const KeepGoing& keepGoing) {
-  start_ = secondsNow() - report_.renderSeconds;
-  bool going = true;
-  while (going && !goalReached()) {
-    going = advance(keepGoing);
-    report_.renderSeconds = elapsed();
+void Session::makeCamera() {
+  camera_ = std::make_unique<CameraRays>(view_, model_->rays->renderOrigin(), settings_.width,
+                                         settings_.height);
+}
+
+/// Maps are made when samples ask for them.
+void Session::makeCaustics() {
+  caustics_.reset();
+  if (!CausticMaps::needed(model_->scene)) return;
+  caustics_ = std::make_unique<CausticMaps>(model_->scene, *model_->rays, pixels(), settings_.seed);
+}
+
+void Session::makeSources() {
+  source_ = source(light_.cache(), caustics_.get());
+  source_.pairs = source_.integrator->guesses();
+  // Light of another time serves previews, if there is any.
+  if (preview_) previewSource_ = source(light_.hasLight() ? light_.cache() : nullptr, nullptr);
+}
+
+/// What samples read: cached light, or paths alone where there is none.
+SampleSource Session::source(const LightCache* cache, CausticMaps* caustics) {
+  GuessOptions guess;
+  if (settings_.exact < 1.0 && cache != nullptr && lights_->anyPower()) {
+    guess.cache = cache;
+    guess.cones = settings_.guess == GuessKind::kCone ||
+                  (settings_.guess == GuessKind::kAuto && !light_.device()->sharesHostCores());
   }
-}
-
-/// Whether photons must be shot before the next sample: see photonTarget().
-bool Session::lightDue() const {
-  const LightSide* light = nextLight();
-  if (light == nullptr || !lights_->anyPower()) return false;
-  const std::uint64_t pixels = std::uint64_t{settings_.width} * settings_.height;
-  return light->pass->resolved() < std::max(photonTarget(samplesDone(), pixels), settings_.photons);
-}
-
-bool Session::bringLight(const std::function<bool()>& keepGoing) {
-  const std::uint64_t pixels = std::uint64_t{settings_.width} * settings_.height;
-  return nextLight()->pass->run(std::max(photonTarget(samplesDone(), pixels), settings_.photons),
-                                keepGoing);
-}
-
-/// What is left of one more sample of every pixel. False if it was cut short.
-bool Session::advance(const KeepGoing& keepGoing) {
-  const std::uint32_t sample = samplesDone();
-  // The first pass is finished in any case: a picture has no holes.
-  const auto going = [&] {
-    const bool late = settings_.seconds > 0.0 && sample > 0 && elapsed() >= timeLimit();
-    return keepGoing(progress()) && !late;
-  };
-  if (frame_->tiles.tilesDone() == 0 && lightDue() && !bringLight(going)) return false;
-  frame_->tiles.setBarrier(sample + 1);
-  Batch batches[2];
-  for (std::size_t i = 0; going(); ++i) {
-    const auto unit = frame_->tiles.next();
-    Batch &now = batches[i % 2], &before = batches[(i + 1) % 2];
-    if (unit) {
-      addJobs(*frame_, *unit, now);
-      trace(*integrator_, now);
-    }
-    merge(*frame_, before);
-    if (!unit) break;
-  }
-  for (Batch& batch : batches) merge(*frame_, batch);
-  if (samplesDone() == sample) return false;
-  checkError();
-  return true;
-}
-
-void Session::checkError() {
-  const std::uint32_t done = samplesDone();
-  if (!(settings_.error > 0.0) || done < errorCheck_) return;
-  error_ = frame_->sums.estimatedError();
-  errorCheck_ = done + std::max(done / 8u, 1u);
-}
-
-bool Session::goalReached() const {
-  const std::uint32_t done = samplesDone();
-  if (settings_.samples > 0 && done >= settings_.samples) return true;
-  if (settings_.error > 0.0 && error_ <= settings_.error) return true;
-  return settings_.seconds > 0.0 && done > 0 && report_.renderSeconds >= timeLimit();
-}
-
-double Session::elapsed() const { return secondsNow() - start_; }
-
-/// The filter's share of the time is kept free.
-double Session::timeLimit() const {
-  return std::max(settings_.seconds - filterEstimate_, 0.1 * settings_.seconds);
-}
-
-double Session::progress() const {
-  double done = 0.0;
-  if (settings_.samples > 0) {
-    const double part = static_cast<double>(frame_->tiles.tilesDone()) /
-                        static_cast<double>(frame_->tiles.tiles().size());
-    done = (samplesDone() + part) / settings_.samples;
-  }
-  if (settings_.seconds > 0.0) done = std::max(done, elapsed() / timeLimit());
-  if (settings_.error > 0.0) done = std::max(done, settings_.error / error_);
-  return std::min(done, 1.0);
+  report_.cones = guess.cones;
+  return {std::make_unique<Integrator>(model_->scene, *model_->rays, *lights_, *camera_, guess,
+                                       settings_.seed, !settings_.transparent, caustics),
+          caustics};
 }
 
 }  // namespace trex

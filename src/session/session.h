@@ -1,18 +1,27 @@
-// The session: what to do next, do it, merge it. Headless capture and the viewer drive this class.
+// The session: one picture that grows, sample by sample, for whoever drives it.
 //
-//   work = what comes next                            (lightDue(), scheduler.h)
-//     light   photons are shot, the voxels' light is brought up to date
-//     tiles   trace   C-rays of some pixels on the CPU; cones they ask for go to the device
-//             merge   while the device answers, the next pixels are traced; then the answers are
-//                     added and the samples enter the frame
+//   while (auto work = plan(state())) perform(*work);
 //
-// Captures run() sweeps of all tiles until the goal is reached. The viewer calls step() once a
-// frame of its screen: a coarse picture first, then tiles in perceptual order, each step within its
-// time. While the light of an edit is not there yet, samples are previews: they read the light of
-// before and are shown, but never enter the picture.
+//   state     plain numbers: how far the light and the frame are (plan.h)
+//   plan      what comes next, of four kinds
+//   perform   kSamples   rays of some pixels are traced, what they bring is added up (samples.h)
+//             kPhotons   more photons are shot for the light that samples read (voxel_light.h)
+//             kLight     after an edit: voxels, device, photons are made ready, one of it at a time
+//             kPreview   samples of the preview, read from the light of before
 //
-// The value of a sample depends on pixel, sample number and seed alone, so pictures are equal to
-// the bit for any number of threads and order of tiles (on a device: for any two runs on it).
+// A FRAME is two sums a pixel and how far each tile is (frame_buffers.h): of the samples' guesses,
+// and of what exact paths add to those that are traced twice. Its picture is the mean of the one
+// plus the mean of the other, each filtered if that is asked for (shown_picture.h). A sample's
+// value depends on pixel, sample number and seed alone, and samples of a pixel are added in their
+// order, so pictures are equal to the bit for any number of threads and order of tiles (on a
+// device: for any two runs on it). Light changes between samples alone, at numbers that are always
+// the same (photonTarget()).
+//
+// Two drivers: capture (src/app/capture.h) calls run() until the goal of its settings and writes
+// files; the viewer (src/viewer/viewer.h) calls step() once a frame of its screen and shows what is
+// there. RenderSettings::interactive brings what the viewer needs: tiles in perceptual order
+// (scheduler.h), steps that end in time, and a second frame, the preview, for as long as the light
+// of an edit is not there. Previews are shown, and never enter the picture.
 #pragma once
 
 #include <cstdint>
@@ -30,21 +39,24 @@
 #include "src/grays/grays.h"
 #include "src/scene/look.h"
 #include "src/session/frame_buffers.h"
+#include "src/session/goal.h"
 #include "src/session/model.h"
+#include "src/session/plan.h"
+#include "src/session/samples.h"
 #include "src/session/settings.h"
 #include "src/session/shown_picture.h"
+#include "src/session/voxel_light.h"
 
 namespace trex {
 
-class LightPass;
 class CheckpointReader;
 
 /// Seconds by phase, counts and memory, for --json and the progress line.
 struct SessionReport {
-  double meshSeconds = 0, voxelSeconds = 0, deviceSeconds = 0, aimSeconds = 0;  ///< set-up
-  double renderSeconds = 0;   ///< in run(), and aiming photons before
-  double photonSeconds = 0;   ///< of these
-  double causticSeconds = 0;  ///< of these, for maps of caustics
+  double meshSeconds = 0, voxelSeconds = 0, deviceSeconds = 0;  ///< set-up
+  double renderSeconds = 0;                                     ///< in run() and step()
+  double aimSeconds = 0, photonSeconds = 0;                     ///< of these
+  double causticSeconds = 0;                                    ///< of these, for maps of caustics
   std::uint64_t causticPhotons = 0;
   double filterSeconds = 0;  ///< of the last picture()
   GRayStatistics gRays;
@@ -70,139 +82,100 @@ class Session {
           const PictureLayers& layers = {});
   ~Session();
 
-  /// Asked between tiles; false ends the run. Gets the share of the goal that is done, [0, 1].
-  using KeepGoing = std::function<bool(double)>;
+  /// Asked every few milliseconds, by captures between tiles; false ends what is under way.
+  using KeepGoing = std::function<bool()>;
 
-  /// Renders until the goal is reached or keepGoing says no. Called again it goes on where it
+  /// Works until the goal is reached or keepGoing says no. Called again it goes on where it
   /// stopped, in the middle of a pass too; only the time inside counts.
-  void run(const KeepGoing& keepGoing);
+  void run(const KeepGoing& keepGoing = [] { return true; });
+  /// The next piece of work, if there is any, for as long as keepGoing lets it; but of the viewer
+  /// at least the coarsest picture of all tiles after a change. `pointer`: see TileScheduler.
+  std::optional<Work> step(const KeepGoing& keepGoing, vec2 pointer);
+  /// There is nothing to do.
+  bool resting() const { return !plan(state()); }
   /// Whether the samples, the seconds or the error of the settings are reached.
-  bool goalReached() const;
+  bool goalReached() const { return goal_.reached(samplesDone(), report_.renderSeconds); }
+  /// Share of the goal that is done, [0, 1].
+  double progress() const;
 
-  // What the viewer drives: session_edit.cpp, with RenderSettings::interactive.
+  // What has changed: session_edit.cpp. Of interactive sessions.
 
-  enum class Step : std::uint8_t { kIdle, kPreview, kLight, kSamples };
-  /// Does what comes next until `keepGoing` says no, asked every few milliseconds, but at least the
-  /// coarsest picture of all tiles after a change. `pointer`: see TileScheduler.
-  Step step(const std::function<bool()>& keepGoing, vec2 pointer);
   /// The model has changed as ModelEditor::apply() said; `camera` is the one to look through. Takes
   /// a millisecond or so: photons start anew after the first preview.
   void follow(const Invalidation& what, const Camera& camera);
   /// Called before photons start anew: ModelEditor::updateVoxelValues().
-  void beforeLight(std::function<void()> action) { beforeLight_ = std::move(action); }
+  void beforeLight(std::function<void()> action) { light_.setValues(std::move(action)); }
   /// Another size of the picture; samples start anew, photons stay.
   void resize(std::uint32_t width, std::uint32_t height);
   /// Voxels are being built: until setVoxels() there are previews alone.
   void voxelsAreComing();
-  /// Voxels with a device that reads them, made by any thread (makeDevice). What was there before
-  /// serves previews until photons have been shot.
+  /// Voxels with a device that reads them, made by any thread (makeLightDevice). What was there
+  /// before serves previews until photons have been shot.
   void setVoxels(std::shared_ptr<const asvo::Tree> tree, std::unique_ptr<GRayTracer> device);
-  static std::unique_ptr<GRayTracer> makeDevice(const std::vector<Material>& materials,
-                                                const std::vector<Image>& images,
-                                                const asvo::Tree& tree,
-                                                const RenderSettings& settings);
   /// Aims photons at the present camera if they were aimed elsewhere; they start anew then.
   bool aimAgain();
+
+  // What there is.
+
   /// What is to be shown: the frame under way, or the preview. Read what its tiles have, no more.
-  const FrameBuffers& shownFrame() const;
+  const FrameBuffers& shownFrame() const { return previewing() ? *preview_ : *frame_; }
   ShownOptions shownOptions() const;
-  bool previewing() const;
-  /// How captures repeat the light of this frame: RenderSettings::photons and aim.
-  std::uint64_t leastPhotons() const { return settings_.photons; }
-  const std::optional<Camera>& aim() const { return settings_.aim; }
-  /// Cached light on the side of `normal`, W/m^2; false if there is none.
-  bool cachedLight(const vec3& position, const vec3& normal, vec3& irradiance) const;
+  bool previewing() const { return preview_ && awaitsLight(state()); }
+  const Accumulator& frame() const { return frame_->sums; }
+  /// Samples that every pixel has.
+  std::uint32_t samplesDone() const { return frame_->tiles.samplesDone(); }
+  /// Accumulator::estimatedError(); negative before two samples. Reads every pixel and its
+  /// neighbours, some 20 ms at 640x360; only each stride-th pixel of each stride-th row if told so.
+  double estimatedError(std::uint32_t stride = 1) const;
   /// A pair of a guess and an exact sample, beside the frame: for estimates of the bias.
   PathSample probe(std::uint32_t x, std::uint32_t y, std::uint32_t sample) const;
+  const VoxelLight& light() const { return light_; }
+  const LightSet& lights() const { return *lights_; }
   const CameraRays& cameraRays() const { return *camera_; }
   const RayScene& rays() const { return *model_->rays; }
-  /// The voxels that cached light is read from; null if there are none yet.
-  const asvo::Tree* voxels() const;
-  std::uint32_t width() const { return settings_.width; }
-  std::uint32_t height() const { return settings_.height; }
-  const LightSet& lights() const { return *lights_; }
-  /// The last step() found nothing to do.
-  bool resting() const { return resting_; }
 
+  // What comes out: session_out.cpp.
+
+  /// The frame so far: R, G, B (filtered, if the settings ask for it), and the layers. Every pixel
+  /// must have a sample.
+  Picture picture();
+  SessionReport report() const;
   /// Writes all that is needed to go on later with the same bits: see checkpoint.h. `key` names the
   /// job. Throws Error(kOutput).
   void saveCheckpoint(const std::filesystem::path& path, std::uint64_t key, std::uint32_t frame);
   /// Goes on from such a file. To be called before run(). Throws Error(kInput).
   void restoreCheckpoint(CheckpointReader& reader);
 
-  /// The frame so far: R, G, B (filtered, if the settings ask for it), and the layers. Every pixel
-  /// must have a sample.
-  Picture picture();
-  SessionReport report() const;
-  /// Accumulator::estimatedError(); negative before two samples. Reads every pixel and its
-  /// neighbours, some 20 ms at 640x360; only each stride-th pixel of each stride-th row if told so.
-  double estimatedError(std::uint32_t stride = 1) const;
-  const Accumulator& frame() const { return frame_->sums; }
-  /// World position of the origin of render space, metres.
-  dvec3 renderOrigin() const { return model_->rays->renderOrigin(); }
-  /// Samples that every pixel has.
-  std::uint32_t samplesDone() const { return frame_->tiles.samplesDone(); }
-
  private:
-  struct Batch;
-  struct LightSide;
-
-  // session.cpp: the loop
-  bool lightDue() const;
-  bool bringLight(const std::function<bool()>& keepGoing);
-  bool advance(const KeepGoing& keepGoing);
-  void checkError();
-  double progress() const;
-  double timeLimit() const;
-  double elapsed() const;
-  // session_tiles.cpp: samples
-  void addJobs(const FrameBuffers& frame, const TileUnit& unit, Batch& batch) const;
-  void trace(const Integrator& integrator, Batch& batch);
-  void merge(FrameBuffers& frame, Batch& batch);
-  void add(FrameBuffers& frame, const Batch& batch, std::size_t job);
-  void rateTile(FrameBuffers& frame, std::uint32_t tile) const;
-  // session_edit.cpp: the viewer
-  bool takeSamples(FrameBuffers& frame, const Integrator& integrator,
-                   const std::function<bool()>& keepGoing, vec2 pointer);
-  void prepareLight();
-  void startLight();
+  SessionState state() const;
+  void perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer);
   void renewLight();
+  void shootPhotons(std::uint64_t photons, const KeepGoing& keepGoing);
   void makeFrames();
-  void makeIntegrators();
+  void makeCamera();
   void makeCaustics();
-  void prepareCaustics(const Batch& batch);
-  bool wantsGuess() const;
-  Step nextStep(const std::function<bool()>& keepGoing, vec2 pointer);
-  LightSide* nextLight() const;
-  // session_picture.cpp: what comes out
-  std::vector<std::span<std::byte>> state();
+  void makeSources();
+  SampleSource source(const LightCache* cache, CausticMaps* caustics);
+  void restartFrames();
+  std::uint64_t pixels() const { return std::uint64_t{settings_.width} * settings_.height; }
+  std::vector<std::span<std::byte>> sums();
   std::vector<vec3> shown();
   void addLayers(std::uint32_t x, std::uint32_t y, std::vector<float>& values) const;
 
   RenderSettings settings_;
   PictureLayers layers_;
   std::shared_ptr<const Model> model_;
-  SessionReport report_;
   Camera view_;
+  Goal goal_;
+  VoxelLight light_;
+  SampleTaker samples_;
+  SessionReport report_;
+  std::uint32_t turn_ = 0;  ///< pieces of work so far
   std::unique_ptr<LightSet> lights_;
-  std::unique_ptr<LightSide> light_;   ///< null where every sample is exact
-  std::unique_ptr<LightSide> coming_;  ///< of new voxels, until its photons are shot
-  bool voxelsComing_ = false;
-  bool resting_ = false;
-  int previewTurn_ = 0;
-  /// What must be done before photons start anew, a step each, from the last to the first.
-  enum class Stale : std::uint8_t { kNothing, kPhotons, kDevice, kValues };
-  Stale stale_ = Stale::kNothing;
-  std::function<void()> beforeLight_;
-  std::unique_ptr<CausticMaps> caustics_;  ///< null where the scene has none
   std::unique_ptr<CameraRays> camera_;
-  std::unique_ptr<Integrator> integrator_, previewIntegrator_;
+  std::unique_ptr<CausticMaps> caustics_;          ///< null where the scene has none
   std::unique_ptr<FrameBuffers> frame_, preview_;  ///< preview_: the viewer's alone
-  std::uint32_t errorCheck_ = 16;                  ///< samples at which the error is estimated next
-  double error_ = kInfinity;                       ///< as estimated last
-  double filterEstimate_ = 0.0;                    ///< seconds that the filter will take
-  double start_ = 0.0;                             ///< of this run(), less what earlier ones took
-  std::uint32_t batchPixels_ = 2048;               ///< of the viewer: some milliseconds' worth
+  SampleSource source_, previewSource_;
 };
 
 }  // namespace trex

@@ -94,7 +94,7 @@ vec3 photonView(const Session& session, const dvec3& origin, const vec3& directi
   const Surface surface = rays.surface(hit);
   const vec3& n = surface.geometricNormal;
   vec3 light;
-  return session.cachedLight(vec3(surface.position), glm::dot(n, direction) > 0.0f ? -n : n, light)
+  return session.light().at(vec3(surface.position), glm::dot(n, direction) > 0.0f ? -n : n, light)
              ? light * kInvPi
              : vec3(0.0f);
 }
@@ -151,7 +151,7 @@ std::function<vec3(const FrameBuffers&, std::uint32_t, std::uint32_t)> viewOf(
 
 void inspectCell(const Session& session, const ViewState& state, std::uint32_t cell,
                  std::vector<vec3>& picture) {
-  const std::uint32_t width = session.width(), height = session.height();
+  const std::uint32_t width = session.frame().width(), height = session.frame().height();
   const lattice::Place at = lattice::kPlaces[cell];
   const std::uint32_t block = cell == 0 ? 8 : cell < 4 ? 4 : cell < 16 ? 2 : 1;
   const std::uint32_t rows =
@@ -164,9 +164,10 @@ void inspectCell(const Session& session, const ViewState& state, std::uint32_t c
       session.cameraRays().ray(static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, origin,
                                direction);
       const vec3 value = state.mode == ViewMode::kVoxels
-                             ? session.voxels() ? voxelView(*session.voxels(), vec3(origin),
-                                                            direction, state.voxelLevel)
-                                                : vec3(0.0f)
+                             ? session.light().voxels()
+                                   ? voxelView(*session.light().voxels(), vec3(origin), direction,
+                                               state.voxelLevel)
+                                   : vec3(0.0f)
                              : photonView(session, origin, direction);
       for (std::uint32_t v = y; v < std::min(y + block, height); ++v) {
         for (std::uint32_t u = x; u < std::min(x + block, width); ++u) {
@@ -178,7 +179,7 @@ void inspectCell(const Session& session, const ViewState& state, std::uint32_t c
 }
 
 void splitWith(const Session& exact, float at, std::vector<vec3>& picture) {
-  const std::uint32_t width = exact.width(), height = exact.height();
+  const std::uint32_t width = exact.frame().width(), height = exact.frame().height();
   const FrameBuffers& frame = exact.shownFrame();
   const std::uint32_t spacing = lattice::spacing(frame.tiles.coarseCells());
   if (spacing == 0 || picture.size() != std::size_t{width} * height) return;

@@ -26,7 +26,7 @@ void openSource(const ModelOpening& o, const std::function<void(Background::Deli
   if (!options.voxels) return;
   auto tree = makeVoxels(source, source.materials, origin, options);
   auto device = std::make_shared<std::unique_ptr<GRayTracer>>(
-      Session::makeDevice(source.materials, source.images, *tree, o.settings));
+      makeLightDevice(source.materials, source.images, *tree, o.settings));
   deliver([take = o.takeVoxels, tree, device] { take(tree, device); });
 }
 
@@ -40,7 +40,7 @@ void openBaked(const ModelOpening& o, const std::function<void(Background::Deliv
   deliver([take = o.takeMeshes, model, options] { take(model, options); });
   if (!tree) return;
   auto device = std::make_shared<std::unique_ptr<GRayTracer>>(
-      Session::makeDevice(materials, model->scene.images, *tree, o.settings));
+      makeLightDevice(materials, model->scene.images, *tree, o.settings));
   deliver([take = o.takeVoxels, tree, device] { take(tree, device); });
 }
 

@@ -43,8 +43,8 @@ void Screen::restart(bool hold) {
 
 bool Screen::update(const Session& session, const Session* exact, const Look& look,
                     const ViewState& state, const std::function<bool()>& keepGoing) {
-  image_.width = session.width();
-  image_.height = session.height();
+  image_.width = session.frame().width();
+  image_.height = session.frame().height();
   if (state.mode != painted_.mode || state.voxelLevel != painted_.voxelLevel) {
     job_.reset();
     spacing_ = 0;
@@ -90,14 +90,15 @@ bool Screen::beauty(const Session& session, const std::function<bool()>& keepGoi
     ShownOptions options = session.shownOptions();
     options.spacing = spacing;
     options.pairs &= !session.previewing();
-    job_.emplace(frame, session.width(), session.height(), options);
+    job_.emplace(frame, session.frame().width(), session.frame().height(), options);
     jobSpacing_ = spacing;
     jobProgress_ = progress;
   }
   // The first picture of a change is finished in any case: it is small.
   const bool first = !shown_;
   if (!job_->advance([&] { return first || keepGoing(); })) return false;
-  linear_ = stretch(job_->take(), session.width(), session.height(), jobSpacing_, false);
+  linear_ =
+      stretch(job_->take(), session.frame().width(), session.frame().height(), jobSpacing_, false);
   job_.reset();
   spacing_ = jobSpacing_;
   progress_ = jobProgress_;
@@ -111,8 +112,9 @@ bool Screen::values(const Session& session, const ViewState& state) {
   const std::uint32_t spacing = lattice::spacing(frame.tiles.coarseCells());
   const double progress = progressOf(frame);
   if (spacing == 0 || progress == progress_) return false;
-  linear_ = latticeValues(frame, session.width(), session.height(), spacing,
-                          viewOf(state.mode, frame, session.width(), session.height(), spacing));
+  linear_ = latticeValues(
+      frame, session.frame().width(), session.frame().height(), spacing,
+      viewOf(state.mode, frame, session.frame().width(), session.frame().height(), spacing));
   spacing_ = spacing;
   progress_ = progress;
   shown_ = true;
@@ -121,7 +123,7 @@ bool Screen::values(const Session& session, const ViewState& state) {
 
 bool Screen::inspect(const Session& session, const ViewState& state,
                      const std::function<bool()>& keepGoing) {
-  const std::uint32_t width = session.width(), height = session.height();
+  const std::uint32_t width = session.frame().width(), height = session.frame().height();
   if (inspectedCells_ == 0) linear_.assign(std::size_t{width} * height, vec3(0.0f));
   bool changed = false;
   while (inspectedCells_ < lattice::kCells && (keepGoing() || inspectedCells_ == 0)) {

@@ -195,7 +195,7 @@ void Viewer::Impl::rebuildVoxels() {
        settings = options.settings](const std::function<void(Background::Delivery)>& deliver) {
         auto tree = job.build();
         auto device = std::make_shared<std::unique_ptr<GRayTracer>>(
-            Session::makeDevice(materials, images, *tree, settings));
+            makeLightDevice(materials, images, *tree, settings));
         deliver([this, tree, device, shape = job.shape] {
           message.clear();
           if (!editor->takeVoxels(tree, shape)) {
@@ -298,12 +298,12 @@ void Viewer::Impl::work(double deadline, StepReport& report) {
     const double until = deadline - reserve - half;
     const auto mark = secondsNow();
     const SessionReport before = session->report();
-    const auto step = session->step([&] { return secondsNow() < until; }, state.pointer);
-    report.kind = kindOf(step, fresh);
+    const auto done = session->step([&] { return secondsNow() < until; }, state.pointer);
+    report.kind = kindOf(done, fresh);
     rates.add(before, session->report(), secondsNow() - mark);
     if (wasPreview && !session->previewing()) restartFrame(true);
     if (half > 0.0) exact->step([&] { return secondsNow() < deadline - reserve; }, state.pointer);
-    if (!fresh && step == Session::Step::kSamples) probe();
+    if (!fresh && done && done->kind == Work::Kind::kSamples) probe();
   }
   const double mark = secondsNow();
   const auto going = [&] { return secondsNow() < deadline; };
@@ -317,16 +317,16 @@ void Viewer::Impl::work(double deadline, StepReport& report) {
   if (!exposureSet && screen.spacing() == 1 && !session->previewing()) setExposure();
 }
 
-StepReport::Kind Viewer::Impl::kindOf(Session::Step step, bool fresh) const {
+StepReport::Kind Viewer::Impl::kindOf(const std::optional<Work>& work, bool fresh) const {
   using Kind = StepReport::Kind;
-  switch (step) {
-    case Session::Step::kIdle:
-      return Kind::kIdle;
-    case Session::Step::kPreview:
+  if (!work) return Kind::kIdle;
+  switch (work->kind) {
+    case Work::Kind::kPreview:
       return Kind::kPreview;
-    case Session::Step::kLight:
+    case Work::Kind::kLight:
+    case Work::Kind::kPhotons:
       return Kind::kLight;
-    case Session::Step::kSamples:
+    case Work::Kind::kSamples:
       break;
   }
   return fresh ? Kind::kCoarse : Kind::kRefine;
@@ -368,7 +368,7 @@ void Viewer::Impl::probe() {
   }
   const FrameBuffers& frame = session->shownFrame();
   if (frame.tiles.samplesDone() < 2) return;
-  const std::uint32_t width = session->width(), height = session->height();
+  const std::uint32_t width = session->frame().width(), height = session->frame().height();
   for (int i = 0; i < 2; ++i) {
     const std::uint32_t number = bias.count++;
     const std::uint32_t pixel = hash32(number ^ 0x5bd1e995u) % (width * height);

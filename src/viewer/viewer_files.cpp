@@ -17,7 +17,7 @@ namespace fs = std::filesystem;
 
 Box3d Viewer::bounds() const {
   const Box3f box = impl_->session->rays().bounds();
-  const dvec3 origin = impl_->session->renderOrigin();
+  const dvec3 origin = impl_->session->rays().renderOrigin();
   Box3d out;
   if (!box.empty()) {
     out.extend(dvec3(box.lower) + origin);
@@ -27,7 +27,7 @@ Box3d Viewer::bounds() const {
 }
 
 int Viewer::voxelDepth() const {
-  const asvo::Tree* tree = impl_->session ? impl_->session->voxels() : nullptr;
+  const asvo::Tree* tree = impl_->session ? impl_->session->light().voxels() : nullptr;
   return tree ? static_cast<int>(tree->info.depth) : 0;
 }
 
@@ -59,7 +59,7 @@ bool Viewer::project(const dvec3& world, vec2& pixel) const {
   const double half = c.orthographic ? 0.5 * static_cast<double>(c.orthographicHeight)
                                      : depth * std::tan(0.5 * static_cast<double>(c.verticalFov));
   if (!(half > 0.0) || depth <= 0.0) return false;
-  const double height = impl_->session->height(), width = impl_->session->width();
+  const double height = impl_->session->frame().height(), width = impl_->session->frame().width();
   pixel = vec2(0.5 * width + 0.5 * height * x / half, 0.5 * height - 0.5 * height * y / half);
   return true;
 }
@@ -83,7 +83,7 @@ ViewerFigures Viewer::figures() const {
   }
   f.samplesPerPixel = frame.tiles.meanProgress();
   const double exact = m.options.settings.exact;
-  f.exactShare = m.session->lights().anyPower() && m.session->voxels() ? exact : 1.0;
+  f.exactShare = m.session->lights().anyPower() && m.session->light().voxels() ? exact : 1.0;
   f.noise = m.session->previewing() ? -1.0 : m.noiseEstimate.of(*m.session);
   if (exact > 0.0) f.bias = 0.0;
   if (exact <= 0.0 && m.bias.count >= 64) {
@@ -102,7 +102,7 @@ double Viewer::Impl::measureSplit() const {
   if (!state.split || !exact || session->previewing()) return -1.0;
   const FrameBuffers &a = session->shownFrame(), &b = exact->shownFrame();
   if (a.tiles.samplesDone() < 2 || b.tiles.samplesDone() < 2) return -1.0;
-  const std::uint32_t width = session->width(), height = session->height();
+  const std::uint32_t width = session->frame().width(), height = session->frame().height();
   double mean = 0.0, sum = 0.0, count = 0.0;
   constexpr std::uint32_t kStep = 3;
   const auto each = [&](const auto& visit) {
@@ -159,7 +159,9 @@ void Viewer::savePicture(const fs::path& path) {
   writePicture(path, picture, ToneMap{m.shownLook.exposure, m.state.toneOperator});
 }
 
-LookLight Viewer::Impl::light() const { return {session->leastPhotons(), session->aim()}; }
+LookLight Viewer::Impl::light() const {
+  return {session->light().leastPhotons(), session->light().aim()};
+}
 
 void Viewer::saveEdits(const fs::path& path) {
   Impl& m = *impl_;

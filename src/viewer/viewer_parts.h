@@ -95,7 +95,7 @@ struct Viewer::Impl {
   void applyLook();
   StepReport step(double seconds);
   void work(double deadline, StepReport& report);
-  StepReport::Kind kindOf(Session::Step step, bool fresh) const;
+  StepReport::Kind kindOf(const std::optional<Work>& work, bool fresh) const;
   void setExposure();
   void startExact();
   bool leaveDevice(const Error& e);

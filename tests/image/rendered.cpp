@@ -114,7 +114,7 @@ RenderSettings settingsFor(std::uint32_t side, double exact, std::uint32_t sampl
 Rendered render(std::shared_ptr<const Model> model, const RenderSettings& settings) {
   const Camera camera = model->scene.cameras.front();
   Session session(std::move(model), camera, settings);
-  session.run([](double) { return true; });
+  session.run();
   Rendered out;
   out.width = settings.width;
   out.height = settings.height;

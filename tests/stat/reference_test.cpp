@@ -39,7 +39,7 @@ Rendered render(const RenderSettings& settings) {
                              .voxelDepth = voxelDepthFor(kSide * kSide)};
   Session session(std::make_shared<const Model>(makeModel(std::move(scene), options)), camera,
                   settings, {.variance = true});
-  session.run([](double) { return true; });
+  session.run();
   EXPECT_EQ(session.report().nonFinite, 0u);
   Rendered out;
   constexpr double kPixels = double{kSide} * kSide;

@@ -38,7 +38,7 @@ Picture render(const Scene& scene, double exact, std::uint32_t samples, bool den
   s.denoise = denoise;
   s.transparent = true;
   Session session(model, scene.cameras.front(), s);
-  session.run([](double) { return true; });
+  session.run();
   Picture picture = session.picture();
   EXPECT_TRUE(picture.premultiplied);
   EXPECT_EQ(picture.channels, (std::vector<std::string>{"R", "G", "B", "A"}));

@@ -60,7 +60,7 @@ std::unique_ptr<Session> session(const RenderSettings& s, const PictureLayers& l
 void runInPieces(Session& session, int tiles) {
   while (!session.goalReached()) {
     int left = tiles;
-    session.run([&](double) { return left-- > 0; });
+    session.run([&] { return left-- > 0; });
   }
 }
 
@@ -97,7 +97,7 @@ TEST(Session, StoppingAndGoingOnChangesNoBit) {
   for (const double exact : {0.0, 0.5, 1.0}) {
     for (const GuessKind guess : {GuessKind::kRay, GuessKind::kCone}) {
       const auto whole = session(settings(exact, 6, guess));
-      whole->run([](double) { return true; });
+      whole->run();
       const auto pieces = session(settings(exact, 6, guess));
       runInPieces(*pieces, 3);
       EXPECT_EQ(whole->picture().values, pieces->picture().values) << exact;
@@ -109,18 +109,18 @@ TEST(Session, StoppingAndGoingOnChangesNoBit) {
 TEST_F(CheckpointTest, GoesOnWithTheSameBitsFromAnyTile) {
   for (const double exact : {0.0, 0.5, 1.0}) {
     const auto whole = session(settings(exact, 7));
-    whole->run([](double) { return true; });
+    whole->run();
     for (const int tiles : {1, 4, 11, 22}) {
       const auto first = session(settings(exact, 7));
       int left = tiles;
-      first->run([&](double) { return left-- > 0; });
+      first->run([&] { return left-- > 0; });
       first->saveCheckpoint(path_, 5, 3);
       const auto second = session(settings(exact, 7));
       CheckpointReader reader(path_);
       EXPECT_EQ(reader.header().key, 5u);
       EXPECT_EQ(reader.header().frame, 3u);
       second->restoreCheckpoint(reader);
-      second->run([](double) { return true; });
+      second->run();
       EXPECT_EQ(whole->picture().values, second->picture().values) << exact << ' ' << tiles;
       EXPECT_EQ(whole->report().rays.cRays, second->report().rays.cRays);
       EXPECT_EQ(whole->report().samplesDone, second->report().samplesDone);
@@ -130,7 +130,7 @@ TEST_F(CheckpointTest, GoesOnWithTheSameBitsFromAnyTile) {
 
 TEST_F(CheckpointTest, NoticesEveryChangedByteAndLength) {
   const auto s = session(settings(1.0, 1), {});
-  s->run([](double) { return true; });
+  s->run();
   s->saveCheckpoint(path_, 1, 0);
   const std::vector<char> good = bytes();
   for (std::size_t i = 0; i < good.size(); i += i < 700 ? 1 : 997) {
@@ -169,7 +169,7 @@ TEST(Filter, KeepsTheMean) {
     for (const bool filtered : {false, true}) {
       s.denoise = filtered;
       const auto r = session(s);
-      r->run([](double) { return true; });
+      r->run();
       mean[filtered ? 1 : 0] = meanOf(r->picture(), "G");
     }
     EXPECT_NEAR(mean[1] / mean[0], 1.0, 0.01) << samples << " samples";
@@ -184,7 +184,7 @@ TEST(Filter, KeepsTheMeanOfTheCorrection) {
     for (const bool filtered : {false, true}) {
       s.denoise = filtered;
       const auto r = session(s);
-      r->run([](double) { return true; });
+      r->run();
       const Picture p = r->picture();
       mean[filtered ? 1 : 0] = meanOf(p, "R") + meanOf(p, "G") + meanOf(p, "B");
     }
@@ -219,7 +219,7 @@ TEST(Filter, LeavesAloneWhatIsNotLit) {
     RenderSettings s = settings(0.0, 16);
     s.denoise = filtered;
     Session r(model, camera, s, kAll);
-    r.run([](double) { return true; });
+    r.run();
     pictures.push_back(r.picture());
   }
   std::size_t alone = 0;
@@ -254,7 +254,7 @@ TEST(Guess, IndirectLightIsRightWhateverTheLeaves) {
     Session r(std::make_shared<const Model>(
                   makeModel(scene, {.voxels = depth > 0, .voxelDepth = std::max(depth, 1)})),
               camera, s, kAll);
-    r.run([](double) { return true; });
+    r.run();
     return meanOf(r.picture(), "indirect.G");
   };
   const double truth = indirect(1.0, 256, 0);
@@ -272,7 +272,7 @@ TEST(Layers, DirectAndIndirectMakeTheMean) {
       RenderSettings s = settings(exact, 8, guess);
       s.denoise = false;
       const auto r = session(s);
-      r->run([](double) { return true; });
+      r->run();
       const Picture p = r->picture();
       for (std::uint32_t y = 0; y < kHeight; y += 5) {
         for (std::uint32_t x = 0; x < kWidth; x += 5) {
@@ -292,7 +292,7 @@ TEST(Layers, LightSeenInAMirrorIsDirect) {
   const Camera camera = scene.cameras.front();
   RenderSettings s = settings(1.0, 32);
   Session r(std::make_shared<const Model>(makeModel(scene, {.voxels = false})), camera, s, kAll);
-  r.run([](double) { return true; });
+  r.run();
   const Picture p = r.picture();
   float light = 0.0f;
   for (std::uint32_t y = 0; y < kHeight; ++y) {
@@ -306,7 +306,7 @@ TEST(Layers, LightSeenInAMirrorIsDirect) {
 
 TEST(Layers, SayWhatThePixelsShow) {
   const auto r = session(settings(1.0, 16));
-  r->run([](double) { return true; });
+  r->run();
   const Picture p = r->picture();
   const std::uint32_t y = kHeight / 2;
   std::uint32_t mirror = 0, grey = 0;
@@ -335,7 +335,7 @@ TEST(Layers, NothingIsMinusOne) {
   const Camera camera = scene.cameras.front();
   Session r(std::make_shared<const Model>(makeModel(scene, {.voxels = false})), camera,
             settings(1.0, 2), kAll);
-  r.run([](double) { return true; });
+  r.run();
   const Picture p = r.picture();
   for (const char* name : {"depth", "objectId", "materialId"}) {
     EXPECT_EQ(value(p, name, 3, 3), -1.0f) << name;
@@ -353,7 +353,7 @@ TEST(Session, StopsAtTheErrorAskedFor) {
   RenderSettings s = settings(1.0, 0);
   s.error = 0.02;
   const auto r = session(s, {});
-  r->run([](double) { return true; });
+  r->run();
   EXPECT_LE(r->frame().estimatedError(), 0.02);
   EXPECT_GE(r->samplesDone(), 16u);
   EXPECT_LT(r->samplesDone(), 100'000u);
@@ -370,8 +370,8 @@ TEST(Session, EstimatedErrorIsTheError) {
   other.seed = 1;
   const auto rough = std::make_unique<Session>(model, camera, settings(1.0, 32));
   const auto fine = std::make_unique<Session>(model, camera, other);
-  rough->run([](double) { return true; });
-  fine->run([](double) { return true; });
+  rough->run();
+  fine->run();
   double mean = 0.0, error = 0.0;
   constexpr double kValues = 3.0 * kWidth * kHeight;
   for (std::uint32_t i = 0; i < kWidth * kHeight; ++i) {
@@ -390,7 +390,7 @@ TEST(Session, TheFirstPassIsFinishedHoweverShortTheTime) {
   RenderSettings s = settings(0.0, 0);
   s.seconds = 1e-6;
   const auto r = session(s);
-  r->run([](double) { return true; });
+  r->run();
   EXPECT_EQ(r->samplesDone(), 1u);
   const Picture p = r->picture();
   for (std::uint32_t y = 0; y < kHeight; ++y) {
@@ -416,7 +416,7 @@ std::shared_ptr<const Model> windowModel(int kind) {
 double meanOf(std::shared_ptr<const Model> model, const RenderSettings& s) {
   const Camera camera = model->scene.cameras.front();
   Session session(std::move(model), camera, s, PictureLayers{});
-  session.run([](double) { return true; });
+  session.run();
   const Picture picture = session.picture();
   double sum = 0.0;
   for (std::size_t i = 0; i < picture.values.size(); i += picture.channels.size())
@@ -448,7 +448,7 @@ TEST(Session, CausticsHaveTheSameBitsAfterAStop) {
   const Camera camera = model->scene.cameras.front();
   Session whole(model, camera, settings(1.0, 5), PictureLayers{}),
       pieces(model, camera, settings(1.0, 5), PictureLayers{});
-  whole.run([](double) { return true; });
+  whole.run();
   runInPieces(pieces, 1);
   EXPECT_GT(whole.report().causticPhotons, 0u);
   EXPECT_EQ(whole.picture().values, pieces.picture().values);

@@ -69,7 +69,7 @@ class ViewerTest : public testing::Test {
     settings.aim = light.aim;
     applyLook(model, look, open.model);
     Session session(model, look.camera, settings);
-    session.run([](double) { return true; });
+    session.run();
     return session.picture();
   }
 

@@ -1,11 +1,12 @@
 // What comes out of a session: pictures, reports, checkpoints.
 #include <algorithm>
-#include <chrono>
 
+#include "src/core/clock.h"
 #include "src/session/checkpoint.h"
-#include "src/session/light_side.h"
+#include "src/session/session.h"
 
 namespace trex {
+
 /// The frame as a screen or a file shows it.
 std::vector<vec3> Session::shown() {
   const double mark = secondsNow();
@@ -81,28 +82,34 @@ SessionReport Session::report() const {
   SessionReport out = report_;
   out.pages = model_->rays->pageStatistics();
   out.samplesDone = samplesDone();
-  if (const LightSide* side = nextLight(); side != nullptr && side->pass) {
-    out.photons = side->pass->emitted();
-    out.photonsLanded = side->pass->landed();
-    out.photonSeconds = side->pass->seconds();
-    out.lightScale = side->pass->scale();
-    out.gRays = side->device->statistics();
-    out.device = side->device->name();  // it may have failed, and another gone on
+  out.rays = samples_.rays();
+  out.nonFinite = frame_->sums.nonFiniteCount();
+  if (const asvo::Tree* tree = light_.presentVoxels()) {
+    out.device = light_.presentDevice()->name();  // it may have failed, and another gone on
+    out.voxels = tree->info.nodeCount;
+    out.leaves = tree->info.leafCount;
+    out.voxelDepth = static_cast<int>(tree->info.depth);
+    out.voxelBytes = tree->nodes.size() * sizeof(asvo::uvec2) +
+                     tree->voxels.size() * sizeof(asvo::uvec4) +
+                     tree->leaves.size() * sizeof(asvo::uvec2);
+  }
+  if (const LightPass* pass = light_.pass()) {
+    out.photons = pass->emitted();
+    out.photonsLanded = pass->landed();
+    out.photonSeconds = pass->seconds();
+    out.photonRays = pass->rayBounces();
+    out.lightScale = pass->scale();
+    out.gRays = light_.presentDevice()->statistics();
   }
   if (caustics_) {
     out.causticPhotons = caustics_->photons();
     out.causticSeconds = caustics_->seconds();
   }
-  out.nonFinite = frame_->sums.nonFiniteCount();
   return out;
 }
 
-double Session::estimatedError(std::uint32_t stride) const {
-  return samplesDone() < 2 ? -1.0 : frame_->sums.estimatedError(stride);
-}
-
 /// All that grows with the samples.
-std::vector<std::span<std::byte>> Session::state() {
+std::vector<std::span<std::byte>> Session::sums() {
   std::vector<std::span<std::byte>> parts{frame_->sums.guessBytes(),
                                           frame_->sums.differenceBytes()};
   if (frame_->features) parts.push_back(frame_->features->bytes());
@@ -119,33 +126,30 @@ void Session::saveCheckpoint(const std::filesystem::path& path, std::uint64_t ke
   header.frame = frame;
   header.samplesDone = samplesDone();
   header.tilesDone = frame_->tiles.tilesDone();
-  header.errorCheck = errorCheck_;
+  header.errorCheck = goal_.nextLook();
   header.renderSeconds = report_.renderSeconds;
-  header.error = error_;
-  header.rays = report_.rays;
+  header.error = goal_.estimate();
+  header.rays = samples_.rays();
   header.nonFinite = frame_->sums.nonFiniteCount();
   header.nonFiniteSamples = frame_->sums.nonFiniteSamples();
-  writeCheckpoint(path, header, state());
+  writeCheckpoint(path, header, sums());
 }
 
 void Session::restoreCheckpoint(CheckpointReader& reader) {
-  reader.read(state());
+  reader.read(sums());
   const CheckpointHeader& header = reader.header();
   if (header.tilesDone > frame_->tiles.tiles().size())
     reader.refuse("more tiles than the frame has");
   report_.renderSeconds = header.renderSeconds;
-  report_.rays = header.rays;
+  samples_.restoreRays(header.rays);
   frame_->tiles.restore(header.samplesDone, header.tilesDone);
-  errorCheck_ = header.errorCheck;
-  error_ = header.error;
+  goal_.restore(header.errorCheck, header.error);
   frame_->sums.restoreNonFinite(header.nonFinite, header.nonFiniteSamples);
-  if (!light_) return;
   // Photons are traced again; their light depends on their number alone.
   const std::uint32_t passes = header.samplesDone + (header.tilesDone > 0 ? 1 : 0);
-  if (passes == 0) return;
-  const std::uint64_t pixels = std::uint64_t{settings_.width} * settings_.height;
-  light_->pass->run(std::max(photonTarget(passes - 1, pixels), settings_.photons),
-                    [] { return true; });
+  if (light_.state() == VoxelLight::State::kAbsent || passes == 0) return;
+  renewLight();
+  light_.shoot(photonsFor(passes - 1, pixels(), light_.leastPhotons()), [] { return true; });
 }
 
 }  // namespace trex

@@ -1,0 +1,47 @@
+// When a picture is done: the samples, the seconds or the error of its settings, whichever comes
+// first. Without any of them: never.
+#pragma once
+
+#include <cstdint>
+
+#include "src/core/maths.h"
+#include "src/frame/accumulator.h"
+#include "src/session/settings.h"
+
+namespace trex {
+
+class Goal {
+ public:
+  /// Of the settings' seconds those are kept free that the filter will take: they are measured.
+  explicit Goal(const RenderSettings& settings);
+
+  /// `samples`: that every pixel has; `seconds` of rendering so far.
+  bool reached(std::uint32_t samples, double seconds) const;
+  /// The seconds are up, and every pixel has a sample: a picture has no holes.
+  bool late(std::uint32_t samples, double seconds) const;
+  /// Share that is done, [0, 1]. `samples`: mean of the pixels.
+  double progress(double samples, double seconds) const;
+  /// No pixel needs more; 0: no limit.
+  std::uint32_t mostSamples() const { return samples_; }
+
+  /// More samples are there: estimates the error if it is asked for, each time an eighth more are.
+  void look(const Accumulator& sums, std::uint32_t samples);
+  /// The picture begins anew.
+  void restart();
+
+  // What a checkpoint keeps.
+  std::uint32_t nextLook() const { return nextLook_; }
+  double estimate() const { return estimate_; }
+  void restore(std::uint32_t nextLook, double estimate) {
+    nextLook_ = nextLook;
+    estimate_ = estimate;
+  }
+
+ private:
+  std::uint32_t samples_;
+  double seconds_, error_;
+  std::uint32_t nextLook_;       ///< samples at which the error is estimated next
+  double estimate_ = kInfinity;  ///< relMSE, as of the last look
+};
+
+}  // namespace trex

@@ -1,0 +1,60 @@
+#include "src/session/plan.h"
+
+#include <algorithm>
+
+namespace trex {
+namespace {
+
+using State = VoxelLight::State;
+
+constexpr std::uint32_t kAnySamples = 0xffffffffu;
+constexpr std::uint32_t kPreviewSamples = 64;  // no preview lives that long
+constexpr std::uint32_t kCoarseCells = 16;     // every fourth pixel, a picture to go on with
+constexpr std::uint32_t kPreviewTurns = 3;
+
+/// First the coarse picture; then every third piece of work, so that the preview goes on while
+/// photons are shot.
+bool previewDue(const SessionState& s) {
+  if (!s.interactive || s.previewSamples >= kPreviewSamples) return false;
+  return s.previewCells < kCoarseCells || s.light == State::kAwaited || s.turn % kPreviewTurns == 0;
+}
+
+/// First sample after those that are there for which more photons are shot.
+std::uint32_t nextLightSample(const SessionState& s) {
+  std::uint32_t next = 4;
+  while (next <= s.samples && next < (1u << 30)) next *= 4;
+  // Targets stand still once all photons there can be are shot.
+  return photonTarget(next, s.pixels) > photonTarget(s.samples, s.pixels) ? next : kAnySamples;
+}
+
+}  // namespace
+
+std::uint64_t photonsFor(std::uint32_t sample, std::uint64_t pixels, std::uint64_t leastPhotons) {
+  return std::max(photonTarget(sample, pixels), leastPhotons);
+}
+
+bool awaitsLight(const SessionState& s) {
+  return s.guesses && s.light != State::kAbsent && s.light != State::kReady;
+}
+
+std::optional<Work> plan(const SessionState& s) {
+  if (awaitsLight(s)) {
+    if (previewDue(s)) return Work{.kind = Work::Kind::kPreview, .barrier = kPreviewSamples};
+    if (s.light == State::kAwaited) return {};
+    if (s.light != State::kShooting) return Work{.kind = Work::Kind::kLight};
+    return Work{.kind = Work::Kind::kPhotons, .photons = photonsFor(0, s.pixels, s.leastPhotons)};
+  }
+  if (s.goalReached) return {};
+  const bool reads = s.guesses && s.light == State::kReady;
+  const std::uint64_t photons = photonsFor(s.samples, s.pixels, s.leastPhotons);
+  if (reads && s.photons < photons) {
+    return Work{.kind = Work::Kind::kPhotons, .photons = photons};
+  }
+  // A capture looks at its goal after every sample.
+  std::uint32_t barrier = s.interactive ? kAnySamples : s.samples + 1;
+  if (s.mostSamples > 0) barrier = std::min(barrier, s.mostSamples);
+  if (reads) barrier = std::min(barrier, nextLightSample(s));
+  return Work{.kind = Work::Kind::kSamples, .barrier = barrier};
+}
+
+}  // namespace trex

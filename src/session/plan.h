@@ -1,0 +1,56 @@
+// What a session does next: plain data from plain data. No rays, no clocks, no threads.
+//
+//   samples read light that is not there    a preview (of the viewer), or the light's next step
+//   the goal is reached                     nothing
+//   the light has too few photons           more of them
+//   else                                    samples, up to where the light may change
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "src/session/voxel_light.h"
+
+namespace trex {
+
+/// All that the choice depends on.
+struct SessionState {
+  bool guesses = false;  ///< samples read light, if there are voxels
+  VoxelLight::State light = VoxelLight::State::kAbsent;
+  std::uint64_t photons = 0;       ///< that the light is of
+  std::uint64_t leastPhotons = 0;  ///< before the first sample
+  std::uint64_t pixels = 1;
+  std::uint32_t samples = 0;      ///< that every pixel has
+  std::uint32_t mostSamples = 0;  ///< that the goal lets a pixel have; 0: no limit
+  bool goalReached = false;
+  // Of the viewer alone:
+  bool interactive = false;          ///< there are previews, and tiles overtake each other
+  std::uint32_t previewCells = 0;    ///< of the preview's first sample, in every tile; of 64
+  std::uint32_t previewSamples = 0;  ///< whole ones
+  std::uint32_t turn = 0;            ///< grows with every piece of work
+};
+
+/// One piece of work.
+struct Work {
+  enum class Kind : std::uint8_t {
+    kPreview,  ///< samples that are shown while the light is made, and never enter the picture
+    kLight,    ///< what the light's state asks for: VoxelLight::renew()
+    kPhotons,  ///< `photons` in all: VoxelLight::shoot()
+    kSamples,  ///< of the picture
+  };
+  Kind kind = Kind::kSamples;
+  std::uint64_t photons = 0;
+  std::uint32_t barrier = 0;  ///< no pixel gets this sample or a later one
+  bool operator==(const Work&) const = default;
+};
+
+/// Samples read light that is not there: what is shown meanwhile is the preview.
+bool awaitsLight(const SessionState& s);
+
+/// Photons that there are to be before sample number `sample`: photonTarget(), or the least.
+std::uint64_t photonsFor(std::uint32_t sample, std::uint64_t pixels, std::uint64_t leastPhotons);
+
+/// Nothing if there is nothing to do: the goal is reached, or voxels are awaited.
+std::optional<Work> plan(const SessionState& s);
+
+}  // namespace trex

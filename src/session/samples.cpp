@@ -1,0 +1,213 @@
+#include "src/session/samples.h"
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <optional>
+#include <vector>
+
+#include "src/core/clock.h"
+#include "src/frame/estimator.h"
+#include "src/frame/lattice.h"
+
+namespace trex {
+
+/// Pixels between the two stages: traced, and waiting for the device's cones.
+struct SampleBatch {
+  struct Job {
+    std::uint32_t x, y, sample;
+  };
+  std::vector<Job> jobs;
+  std::vector<std::uint32_t> finishedTiles;  ///< that come to a whole sample or level by it
+  std::vector<PathSample> paths;             ///< by job
+  std::vector<std::uint8_t> paired;
+  std::vector<vec2> rays;                       ///< C-rays and G-rays, where wanted
+  std::vector<std::vector<ConeRequest>> cones;  ///< by chunk of jobs, in their order
+  std::vector<shaderio::GatherQuery> queries;
+  std::optional<int> ticket;
+};
+
+namespace {
+
+constexpr std::size_t kChunk = 64;       // jobs that a thread takes at a time
+constexpr double kBatchSeconds = 0.003;  // between two questions whether to go on
+constexpr std::uint32_t kLeastBatch = 256, kLargestBatch = 1u << 16;
+
+/// The pixels of a unit.
+void addJobs(const Tile& tile, const TileUnit& unit, SampleBatch& batch) {
+  if (unit.endCell == lattice::kCells || lattice::spacing(unit.endCell) > 0) {
+    batch.finishedTiles.push_back(unit.tile);
+  }
+  if (unit.firstCell == 0 && unit.endCell == lattice::kCells) {
+    for (std::uint32_t y = 0; y < tile.height; ++y) {
+      for (std::uint32_t x = 0; x < tile.width; ++x) {
+        batch.jobs.push_back({tile.x + x, tile.y + y, unit.sample});
+      }
+    }
+    return;
+  }
+  for (std::uint32_t y = 0; y < tile.height; y += lattice::kSide) {
+    for (std::uint32_t x = 0; x < tile.width; x += lattice::kSide) {
+      for (std::uint32_t cell = unit.firstCell; cell < unit.endCell; ++cell) {
+        const lattice::Place at = lattice::kPlaces[cell];
+        if (x + at.x >= tile.width || y + at.y >= tile.height) continue;
+        batch.jobs.push_back({tile.x + x + at.x, tile.y + y + at.y, unit.sample});
+      }
+    }
+  }
+}
+
+void prepareCaustics(CausticMaps& caustics, const SampleBatch& batch) {
+  std::vector<std::uint32_t> samples;
+  for (const SampleBatch::Job& job : batch.jobs) {
+    if (std::find(samples.begin(), samples.end(), job.sample) == samples.end()) {
+      samples.push_back(job.sample);
+    }
+  }
+  caustics.prepare(samples);
+}
+
+/// A finished sample enters the frame and its layers.
+void addSample(FrameBuffers& frame, const SampleBatch& batch, std::size_t i) {
+  const auto& [x, y, sample] = batch.jobs[i];
+  const PathSample& p = batch.paths[i];
+  const vec3 exact = p.common + p.exact;
+  const bool paired = batch.paired[i] != 0;
+  if (sample == 0) frame.restart(x, y);
+  const bool finite = frame.sums.add(x, y, sample, p.common + p.guess, paired ? &exact : nullptr);
+  if (frame.features && finite) {
+    frame.features->add(x, y, p.feature, p.common - p.own + p.guess);
+  }
+  if (frame.coverage) frame.coverage->add(x, y, p.alpha);
+  if (frame.firstHits) frame.firstHits->add(x, y, sample, p.first);
+  if (frame.direct && finite) frame.direct->add(x, y, p.direct, paired ? &p.directExact : nullptr);
+  if (frame.rayClasses) frame.rayClasses->add(x, y, batch.rays[i].x, batch.rays[i].y);
+}
+
+/// The error of a tile for the order of tiles: of noise once pixels have two samples, before that
+/// the contrast between them.
+void rateTile(FrameBuffers& frame, std::uint32_t tile) {
+  const Tile& t = frame.tiles.tiles()[tile];
+  const TileState& state = frame.tiles.state(tile);
+  const std::uint32_t step = state.sample > 0 ? 2 : std::max(1u, lattice::spacing(state.cells));
+  double sum = 0.0, square = 0.0, noise = 0.0, count = 0.0;
+  for (std::uint32_t y = 0; y < t.height; y += step) {
+    for (std::uint32_t x = 0; x < t.width; x += step) {
+      const double value = luminance(frame.sums.mean(t.x + x, t.y + y));
+      sum += value;
+      square += value * value;
+      if (state.sample >= 2) noise += luminance(frame.sums.varianceOfMean(t.x + x, t.y + y));
+      count += 1.0;
+    }
+  }
+  const double mean = sum / count, spread = std::max(0.0, square / count - mean * mean);
+  const double error = state.sample >= 2 ? noise / count + 0.01 * spread / state.sample : spread;
+  frame.tiles.setError(tile, static_cast<float>(error / (mean * mean + 1e-12)));
+}
+
+}  // namespace
+
+void SampleTaker::take(FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
+                       const std::function<bool()>& keepGoing, vec2 pointer) {
+  frame.tiles.beginFrame(pointer, batchPixels_ / 4);
+  SampleBatch batches[2];
+  bool more = true;
+  for (std::size_t i = 0; more; ++i) {
+    const bool must = interactive_ && (i == 0 || frame.tiles.coarseCells() == 0);
+    if (!must && !keepGoing()) break;
+    const double mark = secondsNow();
+    SampleBatch& batch = batches[i % 2];
+    more = fill(frame, batch);
+    const std::size_t jobs = batch.jobs.size();
+    if (jobs > 0) trace(frame, source, light, batch);
+    merge(frame, light, batches[(i + 1) % 2]);
+    adapt(secondsNow() - mark, jobs);
+  }
+  for (SampleBatch& batch : batches) merge(frame, light, batch);
+}
+
+/// Units for a batch: one of a sweep, of the viewer's as many as it has time for. False once none
+/// is left.
+bool SampleTaker::fill(FrameBuffers& frame, SampleBatch& batch) const {
+  const std::size_t wanted = interactive_ ? batchPixels_ : 1;
+  while (batch.jobs.size() < wanted) {
+    const auto unit = frame.tiles.next();
+    if (!unit) return false;
+    addJobs(frame.tiles.tiles()[unit->tile], *unit, batch);
+  }
+  return true;
+}
+
+void SampleTaker::adapt(double seconds, std::size_t jobs) {
+  if (seconds > 1.5 * kBatchSeconds) batchPixels_ = std::max(batchPixels_ / 2, kLeastBatch);
+  if (seconds < 0.5 * kBatchSeconds && jobs >= batchPixels_) {
+    batchPixels_ = std::min(batchPixels_ * 2, kLargestBatch);
+  }
+}
+
+/// First stage: C-rays on all CPU threads; the cones start on the device.
+void SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
+                        SampleBatch& batch) {
+  const std::size_t count = batch.jobs.size(), chunks = (count + kChunk - 1) / kChunk;
+  const std::uint32_t width = frame.sums.width();
+  batch.paths.assign(count, PathSample{});
+  batch.paired.assign(count, 0);
+  if (frame.rayClasses) batch.rays.assign(count, vec2(0.0f));
+  batch.cones.resize(chunks);
+  std::vector<RayCounts> counts(chunks);
+  if (source.caustics != nullptr) prepareCaustics(*source.caustics, batch);
+  tbb::parallel_for(std::size_t{0}, chunks, [&](std::size_t chunk) {
+    batch.cones[chunk].clear();
+    for (std::size_t i = chunk * kChunk; i < std::min(count, (chunk + 1) * kChunk); ++i) {
+      const auto& [x, y, sample] = batch.jobs[i];
+      const double offset = toUnitFloat(hashCombine(hashCombine(x, y), seed_));
+      const bool exact = source.pairs && takesExact(sample, exact_, offset);
+      batch.paired[i] = exact;
+      RayCounts rays;
+      batch.paths[i] = source.integrator->sample(
+          x, y, width, sample, exact, static_cast<std::uint32_t>(i), batch.cones[chunk], rays);
+      if (frame.rayClasses) {
+        batch.rays[i] = vec2(static_cast<float>(rays.cRays + rays.shadowRays),
+                             static_cast<float>(rays.cones + rays.cacheReads));
+      }
+      counts[chunk].add(rays);
+    }
+  });
+  for (const RayCounts& c : counts) rays_.add(c);
+  batch.queries.clear();
+  for (const auto& part : batch.cones) {
+    for (const ConeRequest& r : part) {
+      batch.queries.push_back({r.origin, r.tanHalf, r.direction, r.tmin, r.tmax, r.jitter,
+                               r.shadow ? shaderio::kQueryShadow : 0u, 0u});
+    }
+  }
+  batch.ticket.reset();
+  if (!batch.queries.empty()) batch.ticket = light.device()->submitGather(batch.queries);
+}
+
+/// Second stage: the device's answers join their pixels, the samples enter the frame.
+void SampleTaker::merge(FrameBuffers& frame, VoxelLight& light, SampleBatch& batch) {
+  if (batch.ticket) {
+    const auto scale = static_cast<float>(light.cache()->scale());
+    const auto results = light.device()->finishGather(*batch.ticket);
+    std::size_t next = 0;
+    for (const auto& part : batch.cones) {
+      for (const ConeRequest& r : part) {
+        const shaderio::GatherResult& answer = results[next++];
+        PathSample& path = batch.paths[r.pixel];
+        const vec3 passed = r.background * answer.transmittance;
+        path.guess += r.weight * answer.radiance * scale + passed;
+        if (r.direct) path.direct += passed;
+      }
+    }
+    batch.ticket.reset();
+  }
+  for (std::size_t i = 0; i < batch.jobs.size(); ++i) addSample(frame, batch, i);
+  if (interactive_) {
+    for (const std::uint32_t tile : batch.finishedTiles) rateTile(frame, tile);
+  }
+  batch.jobs.clear();
+  batch.finishedTiles.clear();
+}
+
+}  // namespace trex
