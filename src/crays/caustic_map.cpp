@@ -146,14 +146,17 @@ CausticMap::Grid::Grid(std::vector<CausticPhoton> all, float width)
   std::size_t buckets = 1;
   while (buckets < 2 * photons.size()) buckets *= 2;
   firsts.assign(buckets + 1, 0);
+  occupied.assign((buckets * kBitsOfBucket + 63) / 64, 0);
   for (std::uint32_t i = 0; i < photons.size(); ++i) {
     const vec3& p = photons[i].position;
     const glm::ivec3 lower = cell(p - radius), upper = glm::min(cell(p + radius), lower + 1);
     for (glm::ivec3 c = lower; c.z <= upper.z; ++c.z) {
       for (c.y = lower.y; c.y <= upper.y; ++c.y) {
         for (c.x = lower.x; c.x <= upper.x; ++c.x) {
-          placed.emplace_back(bucket(c), Entry{p, i << 3 | parity(c)});
+          const std::uint32_t h = hash(c);
+          placed.emplace_back(h & (buckets - 1), Entry{p, i << 3 | parity(c)});
           ++firsts[placed.back().first + 1];
+          occupied[bit(h) / 64] |= std::uint64_t{1} << bit(h) % 64;
         }
       }
     }
@@ -166,21 +169,25 @@ CausticMap::Grid::Grid(std::vector<CausticPhoton> all, float width)
 
 glm::ivec3 CausticMap::Grid::cell(const vec3& position) const {
   constexpr float kMost = 1e9f;  // so that it fits an integer
-  return glm::ivec3(glm::clamp(glm::floor(position / (2.0f * radius)), vec3(-kMost), vec3(kMost)));
+  const vec3 at = glm::clamp(position / (2.0f * radius), vec3(-kMost), vec3(kMost));
+  const glm::ivec3 towardsZero(at);
+  return towardsZero - glm::ivec3(glm::lessThan(at, vec3(towardsZero)));
 }
 
-std::size_t CausticMap::Grid::bucket(const glm::ivec3& c) const {
+std::uint32_t CausticMap::Grid::hash(const glm::ivec3& c) {
   const glm::uvec3 u(c);
   const std::uint32_t key =
       (u.x * 0x9e3779b1u ^ u.y * 0x85ebca77u ^ u.z * 0xc2b2ae3du) * 0x27d4eb2fu;
-  return (key ^ key >> 15) & (firsts.size() - 2);
+  return key ^ key >> 15;
 }
 
 /// Calls use(photon, distance^2) for all within the radius.
 template <typename Use>
 void CausticMap::Grid::forNear(const vec3& position, const Use& use) const {
   const glm::ivec3 here = cell(position);
-  const std::size_t b = bucket(here);
+  const std::uint32_t h = hash(here);
+  if ((occupied[bit(h) / 64] >> bit(h) % 64 & 1u) == 0) return;
+  const std::size_t b = h & (firsts.size() - 2);
   for (std::uint32_t i = firsts[b]; i < firsts[b + 1]; ++i) {
     const Entry& entry = entries[i];
     const vec3 off = entry.position - position;

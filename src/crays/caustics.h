@@ -81,13 +81,21 @@ class CausticMap {
     std::vector<CausticPhoton> photons;
     std::vector<Entry> entries;         ///< by bucket, then by photon
     std::vector<std::uint32_t> firsts;  ///< of each bucket, and the end
+    /// A bit for each of kBitsOfBucket parts of a bucket, set where a cell has photons: small
+    /// enough for a near cache, it answers most places, where there are none.
+    std::vector<std::uint64_t> occupied;
+    static constexpr std::size_t kBitsOfBucket = 16;
     Grid(std::vector<CausticPhoton> photons, float radius);
     glm::ivec3 cell(const vec3& position) const;
     /// No two cells of a photon have the same.
     static std::uint32_t parity(const glm::ivec3& c) {
       return static_cast<std::uint32_t>((c.x & 1) | (c.y & 1) << 1 | (c.z & 1) << 2);
     }
-    std::size_t bucket(const glm::ivec3& cell) const;
+    /// Its low bits are the bucket.
+    static std::uint32_t hash(const glm::ivec3& cell);
+    std::size_t bit(std::uint32_t hash) const {
+      return hash & ((firsts.size() - 1) * kBitsOfBucket - 1);
+    }
     template <typename Use>
     void forNear(const vec3& position, const Use& use) const;
   };
