@@ -9,7 +9,7 @@
 
 #include "src/core/sampler.h"
 #include "src/crays/bsdf.h"
-#include "src/crays/integrator.h"
+#include "src/crays/camera_rays.h"
 #include "src/crays/microfacet.h"
 
 namespace trex {

@@ -27,7 +27,7 @@ bool scatterInMedium(const MediaCollision& collision, Sampler& sampler, RayStart
 }
 
 /// Follows one photon to the first surface that can hold light, or on to all others. It is
-/// scattered by media once, before its first surface, as C-rays see it (Integrator::passMedia);
+/// scattered by media once, before its first surface, as C-rays see it (PathTracer::passMedia);
 /// later media just take photons away.
 void follow(const Scene& scene, const RayScene& rays, Sampler& sampler, const EmittedPhoton& photon,
             bool allBounces, LandedPhoton out, std::vector<LandedPhoton>& landed) {

@@ -1,7 +1,7 @@
 // The scene as C-rays see it: HCCMeshes under an Embree top level.
 //
 // "Render space" is metres relative to renderOrigin (the centre of the scene's bounds): what the
-// camera, the integrator, the ASVO and the device use. Points that rays start from or end at are in
+// camera, paths, the ASVO and the device use. Points that rays start from or end at are in
 // double precision, all else is in single precision. Meshes placed once are
 // merged into one HCCMesh whose grid origin is renderOrigin; a mesh placed several times is an
 // HCCMesh of its own under Embree instances (unless all placements together are small, or one is

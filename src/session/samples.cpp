@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "src/core/clock.h"
@@ -14,14 +15,10 @@ namespace trex {
 
 /// Pixels between the two stages: traced, and waiting for the device's cones.
 struct SampleBatch {
-  struct Job {
-    std::uint32_t x, y, sample;
-  };
-  std::vector<Job> jobs;
-  std::vector<std::uint32_t> finishedTiles;  ///< that come to a whole sample or level by it
-  std::vector<PathSample> paths;             ///< by job
-  std::vector<std::uint8_t> paired;
-  std::vector<vec2> rays;                       ///< C-rays and G-rays, where wanted
+  std::vector<PathJob> jobs;
+  std::vector<std::uint32_t> finishedTiles;     ///< that come to a whole sample or level by it
+  std::vector<PathSample> paths;                ///< by job
+  std::vector<RayCounts> rays;                  ///< by job
   std::vector<std::vector<ConeRequest>> cones;  ///< by chunk of jobs, in their order
   std::vector<shaderio::GatherQuery> queries;
   std::optional<int> ticket;
@@ -59,7 +56,7 @@ void addJobs(const Tile& tile, const TileUnit& unit, SampleBatch& batch) {
 
 void prepareCaustics(CausticMaps& caustics, const SampleBatch& batch) {
   std::vector<std::uint32_t> samples;
-  for (const SampleBatch::Job& job : batch.jobs) {
+  for (const PathJob& job : batch.jobs) {
     if (std::find(samples.begin(), samples.end(), job.sample) == samples.end()) {
       samples.push_back(job.sample);
     }
@@ -69,10 +66,9 @@ void prepareCaustics(CausticMaps& caustics, const SampleBatch& batch) {
 
 /// A finished sample enters the frame and its layers.
 void addSample(FrameBuffers& frame, const SampleBatch& batch, std::size_t i) {
-  const auto& [x, y, sample] = batch.jobs[i];
+  const auto& [x, y, sample, paired] = batch.jobs[i];
   const PathSample& p = batch.paths[i];
   const vec3 exact = p.common + p.exact;
-  const bool paired = batch.paired[i] != 0;
   if (sample == 0) frame.restart(x, y);
   const bool finite = frame.sums.add(x, y, sample, p.common + p.guess, paired ? &exact : nullptr);
   if (frame.features && finite) {
@@ -81,7 +77,11 @@ void addSample(FrameBuffers& frame, const SampleBatch& batch, std::size_t i) {
   if (frame.coverage) frame.coverage->add(x, y, p.alpha);
   if (frame.firstHits) frame.firstHits->add(x, y, sample, p.first);
   if (frame.direct && finite) frame.direct->add(x, y, p.direct, paired ? &p.directExact : nullptr);
-  if (frame.rayClasses) frame.rayClasses->add(x, y, batch.rays[i].x, batch.rays[i].y);
+  if (frame.rayClasses) {
+    const RayCounts& rays = batch.rays[i];
+    frame.rayClasses->add(x, y, static_cast<float>(rays.cRays + rays.shadowRays),
+                          static_cast<float>(rays.cones + rays.cacheReads));
+  }
 }
 
 /// The error of a tile for the order of tiles: of noise once pixels have two samples, before that
@@ -151,29 +151,22 @@ void SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
   const std::size_t count = batch.jobs.size(), chunks = (count + kChunk - 1) / kChunk;
   const std::uint32_t width = frame.sums.width();
   batch.paths.assign(count, PathSample{});
-  batch.paired.assign(count, 0);
-  if (frame.rayClasses) batch.rays.assign(count, vec2(0.0f));
+  batch.rays.assign(count, RayCounts{});
   batch.cones.resize(chunks);
-  std::vector<RayCounts> counts(chunks);
   if (source.caustics != nullptr) prepareCaustics(*source.caustics, batch);
   tbb::parallel_for(std::size_t{0}, chunks, [&](std::size_t chunk) {
     batch.cones[chunk].clear();
-    for (std::size_t i = chunk * kChunk; i < std::min(count, (chunk + 1) * kChunk); ++i) {
-      const auto& [x, y, sample] = batch.jobs[i];
-      const double offset = toUnitFloat(hashCombine(hashCombine(x, y), seed_));
-      const bool exact = source.pairs && takesExact(sample, exact_, offset);
-      batch.paired[i] = exact;
-      RayCounts rays;
-      batch.paths[i] = source.integrator->sample(
-          x, y, width, sample, exact, static_cast<std::uint32_t>(i), batch.cones[chunk], rays);
-      if (frame.rayClasses) {
-        batch.rays[i] = vec2(static_cast<float>(rays.cRays + rays.shadowRays),
-                             static_cast<float>(rays.cones + rays.cacheReads));
-      }
-      counts[chunk].add(rays);
+    const std::size_t first = chunk * kChunk, size = std::min(kChunk, count - first);
+    const auto jobs = std::span(batch.jobs).subspan(first, size);
+    for (PathJob& job : jobs) {
+      const double offset = toUnitFloat(hashCombine(hashCombine(job.x, job.y), seed_));
+      job.paired = source.pairs && takesExact(job.sample, exact_, offset);
     }
+    source.tracer->trace(jobs, width, static_cast<std::uint32_t>(first),
+                         std::span(batch.paths).subspan(first, size),
+                         std::span(batch.rays).subspan(first, size), batch.cones[chunk]);
   });
-  for (const RayCounts& c : counts) rays_.add(c);
+  for (const RayCounts& c : batch.rays) rays_.add(c);
   batch.queries.clear();
   for (const auto& part : batch.cones) {
     for (const ConeRequest& r : part) {
@@ -194,7 +187,7 @@ void SampleTaker::merge(FrameBuffers& frame, VoxelLight& light, SampleBatch& bat
     for (const auto& part : batch.cones) {
       for (const ConeRequest& r : part) {
         const shaderio::GatherResult& answer = results[next++];
-        PathSample& path = batch.paths[r.pixel];
+        PathSample& path = batch.paths[r.job];
         const vec3 passed = r.background * answer.transmittance;
         path.guess += r.weight * answer.radiance * scale + passed;
         if (r.direct) path.direct += passed;

@@ -8,7 +8,7 @@
 #include <functional>
 #include <memory>
 
-#include "src/crays/integrator.h"
+#include "src/paths/path_tracer.h"
 #include "src/session/frame_buffers.h"
 #include "src/session/settings.h"
 #include "src/session/voxel_light.h"
@@ -17,7 +17,7 @@ namespace trex {
 
 /// What the samples of a frame read, besides the light.
 struct SampleSource {
-  std::unique_ptr<Integrator> integrator;
+  std::unique_ptr<PathTracer> tracer;
   CausticMaps* caustics = nullptr;  ///< made ready for the samples to come; null where none is read
   bool pairs = false;               ///< the settings' share of samples is traced exactly too
 };

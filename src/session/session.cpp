@@ -140,9 +140,7 @@ double Session::estimatedError(std::uint32_t stride) const {
 }
 
 PathSample Session::probe(std::uint32_t x, std::uint32_t y, std::uint32_t sample) const {
-  std::vector<ConeRequest> cones;
-  RayCounts counts;
-  return source_.integrator->sample(x, y, settings_.width, sample, true, 0, cones, counts);
+  return source_.tracer->sample({x, y, sample, true}, settings_.width);
 }
 
 // ---- what samples need ----
@@ -173,7 +171,7 @@ void Session::makeCaustics() {
 
 void Session::makeSources() {
   source_ = source(light_.cache(), caustics_.get());
-  source_.pairs = source_.integrator->guesses();
+  source_.pairs = source_.tracer->guesses();
   // Light of another time serves previews, if there is any.
   if (preview_) previewSource_ = source(light_.hasLight() ? light_.cache() : nullptr, nullptr);
 }
@@ -187,7 +185,7 @@ SampleSource Session::source(const LightCache* cache, CausticMaps* caustics) {
                   (settings_.guess == GuessKind::kAuto && !light_.device()->sharesHostCores());
   }
   report_.cones = guess.cones;
-  return {std::make_unique<Integrator>(model_->scene, *model_->rays, *lights_, *camera_, guess,
+  return {std::make_unique<PathTracer>(model_->scene, *model_->rays, *lights_, *camera_, guess,
                                        settings_.seed, !settings_.transparent, caustics),
           caustics};
 }

@@ -6,7 +6,7 @@
 
 #include <glm/gtc/matrix_transform.hpp>
 
-#include "src/crays/integrator.h"
+#include "src/crays/camera_rays.h"
 #include "tests/image/reference.h"
 #include "tests/image/rendered.h"
 #include "tests/unit/scenes.h"

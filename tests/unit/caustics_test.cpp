@@ -2,9 +2,9 @@
 
 #include <gtest/gtest.h>
 
-#include "src/crays/integrator.h"
 #include "src/crays/photons.h"
 #include "src/frame/estimator.h"
+#include "src/paths/path_tracer.h"
 #include "tests/unit/glass_scenes.h"
 
 namespace trex {
@@ -20,14 +20,12 @@ std::vector<vec3> picture(const Scene& scene, std::uint32_t samples, std::uint32
   const LightSet lights(scene, rays);
   const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
   CausticMaps maps(scene, rays, kSide * kSide, seed);
-  const Integrator integrator(scene, rays, lights, camera, GuessOptions{}, seed, true, &maps);
+  const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, seed, true, &maps);
   std::vector<Moments> all(kSide * kSide);
-  std::vector<ConeRequest> cones;
-  RayCounts counts;
   for (std::uint32_t s = 0; s < samples; ++s) {
     maps.prepare({&s, 1});
     for (std::uint32_t i = 0; i < kSide * kSide; ++i) {
-      all[i].add(integrator.sample(i % kSide, i / kSide, kSide, s, false, 0, cones, counts).common);
+      all[i].add(tracer.sample({i % kSide, i / kSide, s}, kSide).common);
     }
   }
   std::vector<vec3> mean;
@@ -354,17 +352,14 @@ Estimate brightness(const Scene& scene, std::uint32_t samples, bool withMaps) {
   const LightSet lights(scene, rays);
   const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
   CausticMaps maps(scene, rays, kSide * kSide, 0);
-  const Integrator integrator(scene, rays, lights, camera, GuessOptions{}, withMaps ? 1 : 2, true,
-                              withMaps ? &maps : nullptr);
-  std::vector<ConeRequest> cones;
-  RayCounts counts;
+  const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, withMaps ? 1 : 2, true,
+                          withMaps ? &maps : nullptr);
   double sum = 0.0, squares = 0.0;
   for (std::uint32_t s = 0; s < samples; ++s) {
     if (withMaps) maps.prepare({&s, 1});
     dvec3 picture(0.0);
     for (std::uint32_t i = 0; i < kSide * kSide; ++i) {
-      picture +=
-          dvec3(integrator.sample(i % kSide, i / kSide, kSide, s, false, 0, cones, counts).common);
+      picture += dvec3(tracer.sample({i % kSide, i / kSide, s}, kSide).common);
     }
     const double value = (picture.x + picture.y + picture.z) / (3.0 * kSide * kSide);
     sum += value, squares += value * value;

@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-#include "src/crays/integrator.h"
 #include "src/frame/estimator.h"
+#include "src/paths/path_tracer.h"
 #include "tests/unit/glass_scenes.h"
 
 namespace trex {
@@ -19,13 +19,11 @@ vec3 render(const Scene& scene, std::uint32_t samples) {
   const RayScene rays(scene);
   const LightSet lights(scene, rays);
   const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
-  const Integrator integrator(scene, rays, lights, camera, GuessOptions{}, 0);
+  const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, 0);
   Moments all;
-  std::vector<ConeRequest> cones;
-  RayCounts counts;
   for (std::uint32_t s = 0; s < samples; ++s) {
     for (std::uint32_t i = 0; i < kSide * kSide; ++i) {
-      all.add(integrator.sample(i % kSide, i / kSide, kSide, s, false, 0, cones, counts).common);
+      all.add(tracer.sample({i % kSide, i / kSide, s}, kSide).common);
     }
   }
   return vec3(all.mean());

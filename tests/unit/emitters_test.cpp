@@ -4,8 +4,8 @@
 
 #include <functional>
 
-#include "src/crays/integrator.h"
 #include "src/frame/estimator.h"
+#include "src/paths/path_tracer.h"
 #include "tests/unit/chi_square.h"
 #include "tests/unit/scenes.h"
 
@@ -48,13 +48,11 @@ double floorAt(const Scene& scene, double x, double* deviation = nullptr) {
   const LightSet lights(scene, rays);
   Camera eye = test::lookAt(dvec3(x, 1.0, 1.5), dvec3(x, 0.0, 0.0), 0.005f);
   const CameraRays camera(eye, rays.renderOrigin(), 8, 8);
-  const Integrator integrator(scene, rays, lights, camera, GuessOptions{}, 0);
+  const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, 0);
   Moments all;
-  std::vector<ConeRequest> cones;
-  RayCounts counts;
   for (std::uint32_t s = 0; s < 1024; ++s) {
     for (std::uint32_t p = 0; p < 64; ++p) {
-      all.add(integrator.sample(p % 8, p / 8, 8, s, false, 0, cones, counts).common);
+      all.add(tracer.sample({p % 8, p / 8, s}, 8).common);
     }
   }
   if (deviation) *deviation = std::sqrt(all.varianceOfMean().x);
@@ -182,13 +180,11 @@ Scene threeLamps() {
 std::vector<Moments> exactPicture(const Scene& scene, const RayScene& rays,
                                   const LightSet& lights) {
   const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), 16, 16);
-  const Integrator integrator(scene, rays, lights, camera, GuessOptions{}, 0);
+  const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, 0);
   std::vector<Moments> pixels(256);
-  std::vector<ConeRequest> cones;
-  RayCounts counts;
   for (std::uint32_t p = 0; p < 256; ++p) {
     for (std::uint32_t s = 0; s < 512; ++s) {
-      pixels[p].add(integrator.sample(p % 16, p / 16, 16, s, false, 0, cones, counts).common);
+      pixels[p].add(tracer.sample({p % 16, p / 16, s}, 16).common);
     }
   }
   return pixels;

@@ -1,7 +1,7 @@
 // Depth of field against the formula of the thin lens, and where the environment lies.
 #include <gtest/gtest.h>
 
-#include "src/crays/integrator.h"
+#include "src/paths/path_tracer.h"
 #include "tests/unit/scenes.h"
 
 namespace trex {
@@ -27,14 +27,12 @@ Dot seeDot(const Camera& camera, float depth, std::uint32_t samples) {
   const RayScene rays(scene);
   const LightSet lights(scene, rays);
   const CameraRays view(camera, rays.renderOrigin(), kSide, kSide);
-  const Integrator integrator(scene, rays, lights, view, GuessOptions{}, 0);
+  const PathTracer tracer(scene, rays, lights, view, GuessOptions{}, 0);
   Dot dot;
-  std::vector<ConeRequest> cones;
-  RayCounts counts;
   double moment = 0.0, lit = 0.0;
   for (std::uint32_t i = 0; i < kSide * kSide * samples; ++i) {
     const std::uint32_t s = i % samples, x = i / samples % kSide, y = i / samples / kSide;
-    const PathSample p = integrator.sample(x, y, kSide, s, false, 0, cones, counts);
+    const PathSample p = tracer.sample({x, y, s}, kSide);
     if (p.common.x <= 0.0f) continue;
     const double dx = x + 0.5 - kSide / 2.0, dy = y + 0.5 - kSide / 2.0;
     dot.energy += double{p.common.x} / samples;

@@ -7,8 +7,8 @@
 
 #include "asvo/asvo.h"
 #include "asvo/medium.h"
-#include "src/crays/integrator.h"
 #include "src/frame/estimator.h"
+#include "src/paths/path_tracer.h"
 #include "tests/unit/scenes.h"
 
 namespace trex {
@@ -141,12 +141,10 @@ TEST(Media, ThinWhiteFogInEvenLightIsInvisible) {
     const RayScene rays(scene);
     const LightSet lights(scene, rays);
     const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), 16, 16);
-    const Integrator integrator(scene, rays, lights, camera, GuessOptions{}, 0);
+    const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, 0);
     Moments all;
-    std::vector<ConeRequest> cones;
-    RayCounts counts;
     for (std::uint32_t i = 0; i < 256 * 64; ++i) {
-      all.add(integrator.sample(i % 16, i / 16 % 16, 16, i / 256, false, 0, cones, counts).common);
+      all.add(tracer.sample({i % 16, i / 16 % 16, i / 256}, 16).common);
     }
     EXPECT_NEAR(all.mean().x, 1.0, 0.0025 + 4.0 * std::sqrt(all.varianceOfMean().x)) << sky;
     EXPECT_LT(std::sqrt(all.varianceOfMean().x), 0.003) << sky;

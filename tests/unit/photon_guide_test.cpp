@@ -7,7 +7,7 @@
 #include <cstring>
 #include <vector>
 
-#include "src/crays/integrator.h"
+#include "src/crays/camera_rays.h"
 #include "src/crays/photons.h"
 #include "src/frame/estimator.h"
 #include "tests/unit/scenes.h"

@@ -2,8 +2,8 @@
 // from the scene's centre, at any scale, and whatever holds them.
 #include <gtest/gtest.h>
 
-#include "src/crays/integrator.h"
 #include "src/frame/estimator.h"
+#include "src/paths/path_tracer.h"
 #include "tests/unit/scenes.h"
 
 namespace trex {
@@ -56,12 +56,9 @@ float render(const Scene& scene, std::uint32_t samples = 512,
   const RayScene rays(scene, options);
   const LightSet lights(scene, rays);
   const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), 1, 1);
-  const Integrator integrator(scene, rays, lights, camera, GuessOptions{}, 0);
+  const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, 0);
   Moments all;
-  std::vector<ConeRequest> cones;
-  RayCounts counts;
-  for (std::uint32_t s = 0; s < samples; ++s)
-    all.add(integrator.sample(0, 0, 1, s, false, 0, cones, counts).common);
+  for (std::uint32_t s = 0; s < samples; ++s) all.add(tracer.sample({0, 0, s}, 1).common);
   return static_cast<float>(all.mean().x);
 }
 

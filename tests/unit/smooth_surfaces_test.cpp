@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-#include "src/crays/integrator.h"
 #include "src/frame/estimator.h"
+#include "src/paths/path_tracer.h"
 #include "tests/unit/scenes.h"
 
 namespace trex {
@@ -53,13 +53,11 @@ vec3 mean(const Scene& scene, std::uint32_t side, std::uint32_t samples) {
   const RayScene rays(scene);
   const LightSet lights(scene, rays);
   const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), side, side);
-  const Integrator integrator(scene, rays, lights, camera, GuessOptions{}, 0);
+  const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, 0);
   Moments all;
-  std::vector<ConeRequest> cones;
-  RayCounts counts;
   for (std::uint32_t s = 0; s < samples; ++s)
     for (std::uint32_t i = 0; i < side * side; ++i)
-      all.add(integrator.sample(i % side, i / side, side, s, false, 0, cones, counts).common);
+      all.add(tracer.sample({i % side, i / side, s}, side).common);
   return vec3(all.mean());
 }
 
@@ -86,10 +84,8 @@ TEST(SmoothSurfaces, TerminatorHasNoFacets) {
     eye.ray(0.5f, 0.5f, origin, direction);
     ASSERT_TRUE(rays.intersect(origin, direction, 0.0f, kInfinity, hit));
     const float cosine = glm::dot(rays.surface(hit).shadingNormal, towards);
-    std::vector<ConeRequest> cones;
-    RayCounts counts;
-    const Integrator integrator(scene, rays, lights, eye, GuessOptions{}, 0);
-    const double seen = integrator.sample(0, 0, 1, 0, false, 0, cones, counts).direct.x;
+    const PathTracer tracer(scene, rays, lights, eye, GuessOptions{}, 0);
+    const double seen = tracer.sample({0, 0, 0}, 1).direct.x;
     const double off = seen - double(kAlbedo * std::max(cosine, 0.0f));
     worst = std::max(worst, std::abs(off));
     difference += off;

@@ -7,7 +7,7 @@ if(TARGET trex_vdb)
 endif()
 
 add_executable(media_test ${CMAKE_CURRENT_LIST_DIR}/media_test.cpp)
-target_link_libraries(media_test PRIVATE trex_crays GTest::gtest_main)
+target_link_libraries(media_test PRIVATE trex_paths GTest::gtest_main)
 trex_gtest(media_test)
 if(TARGET make_vdb)
   trex_program_test(volume_test volume_test.py --assets ${CMAKE_SOURCE_DIR}/assets

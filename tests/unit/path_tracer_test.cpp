@@ -1,6 +1,8 @@
-#include "src/crays/integrator.h"
+#include "src/paths/path_tracer.h"
 
 #include <gtest/gtest.h>
+
+#include <algorithm>
 
 #include "src/frame/estimator.h"
 #include "tests/unit/scenes.h"
@@ -15,31 +17,63 @@ vec3 render(const Scene& scene, std::uint32_t samples, double* deviation = nullp
   const RayScene rays(scene);
   const LightSet lights(scene, rays);
   const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
-  const Integrator integrator(scene, rays, lights, camera, GuessOptions{}, 0);
+  const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, 0);
   Moments all;
-  std::vector<ConeRequest> cones;
-  RayCounts counts;
   for (std::uint32_t s = 0; s < samples; ++s) {
     for (std::uint32_t y = 0; y < kSide; ++y) {
       for (std::uint32_t x = 0; x < kSide; ++x) {
-        all.add(integrator.sample(x, y, kSide, s, false, 0, cones, counts).common);
+        all.add(tracer.sample({x, y, s}, kSide).common);
       }
     }
   }
-  EXPECT_TRUE(cones.empty());
   if (deviation) *deviation = std::sqrt(all.varianceOfMean().x);
   return vec3(all.mean());
 }
 
-TEST(Integrator, ClosedFurnaceIsExact) {
+TEST(PathTracer, ClosedFurnaceIsExact) {
   for (float albedo : {0.0f, 0.5f, 0.9f}) {
     const vec3 mean = render(test::furnace(albedo), 256);
     EXPECT_NEAR(mean.x * (1.0f - albedo), 1.0f, 0.004f) << albedo;
   }
 }
 
+/// What a sample is does not depend on what is traced along with it: alone, in waves that are not
+/// full, in another order.
+TEST(PathTracer, SamplesAreTheSameInAnyWave) {
+  const Scene scene = test::furnace(0.7f);
+  const RayScene rays(scene);
+  const LightSet lights(scene, rays);
+  const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
+  const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, 3);
+  std::vector<PathJob> jobs;
+  for (std::uint32_t i = 0; i < 37; ++i)
+    jobs.push_back({i % kSide, i * 7 % kSide, i % 5, i % 2 == 0});
+  std::vector<PathSample> samples(jobs.size());
+  std::vector<RayCounts> counts(jobs.size());
+  std::vector<ConeRequest> cones;
+  tracer.trace(jobs, kSide, 0, samples, counts, cones);
+  EXPECT_TRUE(cones.empty());
+  std::ranges::reverse(jobs);
+  for (std::size_t i = 0; i < jobs.size(); ++i) {
+    const std::size_t k = jobs.size() - 1 - i;
+    const PathSample alone = tracer.sample(jobs[k], kSide);
+    EXPECT_EQ(alone.common, samples[i].common) << i;
+    EXPECT_EQ(alone.direct, samples[i].direct) << i;
+    EXPECT_EQ(alone.feature.position, samples[i].feature.position) << i;
+    EXPECT_GE(counts[i].cRays, 2u) << i;
+    EXPECT_EQ(counts[i].exactPaths, jobs[k].paired ? 1u : 0u) << i;
+  }
+  std::vector<PathSample> reversed(jobs.size());
+  std::vector<RayCounts> recounted(jobs.size());
+  tracer.trace(jobs, kSide, 0, reversed, recounted, cones);
+  for (std::size_t i = 0; i < jobs.size(); ++i) {
+    EXPECT_EQ(reversed[i].common, samples[jobs.size() - 1 - i].common) << i;
+    EXPECT_EQ(recounted[i].shadowRays, counts[jobs.size() - 1 - i].shadowRays) << i;
+  }
+}
+
 /// Of n bounces a furnace shows the first terms of its geometric sum.
-TEST(Integrator, FurnaceOfFewBouncesIsItsPartialSum) {
+TEST(PathTracer, FurnaceOfFewBouncesIsItsPartialSum) {
   for (const float albedo : {0.5f, 0.9f}) {
     float right = 0.0f, term = 1.0f;
     for (const std::uint32_t most : {0u, 1u, 2u, 3u, 4u, 5u}) {
@@ -55,7 +89,7 @@ TEST(Integrator, FurnaceOfFewBouncesIsItsPartialSum) {
 /// A mirror is a bounce; glass that light goes through is none, neither for the light that is
 /// sampled nor for the path that finds it. Between a pane in a sky of 1 and a floor of albedo a the
 /// light goes to and fro: with R of it reflected by the pane, L = a (1 - R) (1 + aR + (aR)^2 ...).
-TEST(Integrator, MirrorsAreBouncesAndPanesAreNone) {
+TEST(PathTracer, MirrorsAreBouncesAndPanesAreNone) {
   const auto plane = [](float height, float side, int material) {
     Mesh mesh;
     mesh.material = material;
@@ -94,7 +128,7 @@ TEST(Integrator, MirrorsAreBouncesAndPanesAreNone) {
 }
 
 /// A sphere of albedo 1 in a uniform sky can't be seen: all that arrives leaves again.
-TEST(Integrator, WhiteSphereInASkyIsInvisible) {
+TEST(PathTracer, WhiteSphereInASkyIsInvisible) {
   for (float roughness : {0.0f, 1.0f}) {
     Scene scene;
     scene.materials = {test::lambert(1.0f)};
@@ -110,7 +144,7 @@ TEST(Integrator, WhiteSphereInASkyIsInvisible) {
 }
 
 /// So is a smooth glass sphere: what is not reflected is transmitted, 1 / eta^2 in and eta^2 out.
-TEST(Integrator, ClearGlassSphereInASkyIsInvisible) {
+TEST(PathTracer, ClearGlassSphereInASkyIsInvisible) {
   Scene scene;
   Material glass;
   glass.metallic = 0.0f;
@@ -129,7 +163,7 @@ TEST(Integrator, ClearGlassSphereInASkyIsInvisible) {
 }
 
 /// A floor under a point light: E = I cos / d^2, L = albedo E / pi.
-TEST(Integrator, PointLightOnAFloor) {
+TEST(PathTracer, PointLightOnAFloor) {
   Scene scene;
   scene.materials = {test::lambert(0.6f)};
   Mesh floor;
@@ -150,7 +184,7 @@ TEST(Integrator, PointLightOnAFloor) {
 
 /// The same lamp found by light sampling alone, and by chance too: multiple importance sampling
 /// must not change the mean where both can find it.
-TEST(Integrator, LargeLampOverAGlossyFloorAgreesWithItsMirrorLimit) {
+TEST(PathTracer, LargeLampOverAGlossyFloorAgreesWithItsMirrorLimit) {
   Scene scene;
   scene.materials = {test::lambert(0.0f, 2.0f), Material{}};
   scene.materials[1].baseColor = vec4(1.0f);
@@ -170,7 +204,7 @@ TEST(Integrator, LargeLampOverAGlossyFloorAgreesWithItsMirrorLimit) {
   EXPECT_NEAR(render(scene, 128).x, 2.0f, 0.02f);
 }
 
-TEST(Integrator, AlphaCoverageLetsLightPassInProportion) {
+TEST(PathTracer, AlphaCoverageLetsLightPassInProportion) {
   Scene scene;
   Material veil = test::lambert(0.0f);
   veil.alphaMode = AlphaMode::kBlend;
@@ -185,7 +219,7 @@ TEST(Integrator, AlphaCoverageLetsLightPassInProportion) {
   EXPECT_NEAR(render(scene, 256).x, 0.75f, 0.01f);
 }
 
-TEST(Integrator, EmptyViewIsTheEnvironmentAndBlackIsBlack) {
+TEST(PathTracer, EmptyViewIsTheEnvironmentAndBlackIsBlack) {
   Scene scene = test::furnace(0.5f);
   scene.materials[0] = test::lambert(0.5f);
   EXPECT_EQ(render(scene, 2), vec3(0.0f));

@@ -1,0 +1,74 @@
+#include "src/paths/path_tracer.h"
+
+#include "src/paths/wave.h"
+
+namespace trex {
+
+/// Traces the ray to the next surface. False if the path has left the scene or a cone goes on in
+/// its place.
+bool PathTracer::extend(WavePath& path, Wave& wave) const {
+  ++path.counts->cRays;
+  bool cone = path.coneRay && path.coupled && !path.clear.begun();
+  const float near = nearField();
+  // Voxels know nothing of media: a cone whose axis meets one is an exact ray into cached light.
+  if (media_ != nullptr && cone) {
+    cone = !media_->meets(path.start.position, path.direction, path.tnear, kInfinity);
+  }
+  // Nor of clear glass: so it is with a cone whose axis meets that first.
+  const bool whole = !cone || layers_.glass();
+  bool met =
+      rays_.intersect(path.start, path.direction, path.tnear, whole ? kInfinity : near, path.hit);
+  if (met && cone && whole) {
+    cone = path.hit.t > near && !layers_.isGlass(rays_.surface(path.hit).material);
+    if (!cone) return true;
+  }
+  if (cone && !(met && path.hit.t <= near)) {
+    path.tnear = near;
+    if (!handToCone(path, wave)) return false;
+    if (!whole) met = rays_.intersect(path.start, path.direction, near, kInfinity, path.hit);
+  }
+  if (!met) miss(path);
+  return met;
+}
+
+void PathTracer::miss(WavePath& path) const {
+  if (media_ != nullptr) passMedia(path, kInfinity);
+  if (path.bounces == path.layers) {  // nothing but transparent layers and media on the way
+    path.sample->alpha = 1.0f - path.throughput.x;
+    if (!background_) return;
+  }
+  if (!lights_.hasEnvironment()) return;
+  const float weight =
+      powerHeuristic(path.density(), lights_.pdfEnvironment(path.lastPoint(), path.aim()));
+  path.addSeen(path.throughput * lights_.environment(path.direction) * weight);
+}
+
+/// G0: the far field of a broad lobe is a cone's. False if only the guess was asked for.
+bool PathTracer::handToCone(WavePath& path, Wave& wave) const {
+  ConeRequest request;
+  request.origin = vec3(path.start.position);
+  request.direction = path.direction;
+  request.tanHalf = guess_.footprint.spread(path.roughness);
+  request.tmin = path.tnear;
+  request.jitter = path.sampler.next1D();
+  request.weight = path.throughput;
+  request.job = path.job;
+  if (lights_.hasEnvironment()) {
+    const float weight =
+        powerHeuristic(path.scatterPdf, lights_.pdfEnvironment(path.lastPoint(), path.direction));
+    request.background = path.throughput * lights_.environment(path.direction) * weight;
+    request.direct = path.scattered <= 1;
+  }
+  wave.cones.push_back(request);
+  ++path.counts->cones;
+  return path.part();
+}
+
+/// Metres from a surface that are its near field: no cone starts there.
+float PathTracer::nearField() const {
+  return guess_.cache ? guess_.footprint.cacheVoxels * guess_.cache->leafSize() /
+                            guess_.footprint.diffuseSpread
+                      : 0.0f;
+}
+
+}  // namespace trex

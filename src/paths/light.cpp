@@ -1,0 +1,155 @@
+#include "src/paths/path_tracer.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "src/paths/wave.h"
+
+namespace trex {
+namespace {
+
+/// Width of a shadow cone as a share of its light's. Wide ones meet voxels at the edges of rooms,
+/// which know no planes: with 0.25 a furnace of albedo 0.5 is 1.9 % dark, with 0.06 it is 0.7 %.
+constexpr float kShadowWidth = 0.06f;
+
+/// Share of light sampling in light of density `pdf` from a direction.
+float lightWeight(const Bsdf& bsdf, const LightSample& light, const vec3& direction, float pdf) {
+  return light.delta ? 1.0f : powerHeuristic(pdf, bsdf.pdf(direction));
+}
+
+}  // namespace
+
+/// Next event estimation: chooses one light. Shadow rays of small lights are C-rays; large ones are
+/// cones where this device makes them worth it.
+void PathTracer::ask(WavePath& path, Wave& wave) const {
+  const Bsdf& bsdf = *path.bsdf;
+  path.asks = false;
+  if (lights_.empty()) return;
+  LightQuestion& q = path.question;
+  q.light = LightSample{};
+  if (!lights_.sample(path.here(), path.sampler, q.light)) return;
+  const LightSample& light = q.light;
+  const bool caustic = light.delta && path.spread && path.caustics != nullptr;
+  q.kind = caustic ? LobeKind::kBroad : LobeKind::kAll;
+  q.f = bsdf.evaluate(light.direction, q.kind);
+  if (maxComponent(q.f) <= 0.0f) return;
+  if (!rays_.leave(path.surface, light.direction, bsdf.leavesFront(light.direction), q.start))
+    return;
+  // A cone vertex gathers its far field without emission, so a far emitter is light sampling's
+  // alone.
+  const float near = path.coneVertex ? nearField() : 0.0f;
+  q.farEmitter = path.coneVertex && light.distance < kInfinity && light.distance > near;
+  q.coneShadow =
+      path.coneVertex && light.solidAngle > guess_.shadowSolidAngle && light.distance > near;
+  if (q.coneShadow) {
+    const float weight = q.farEmitter ? 1.0f : lightWeight(bsdf, light, light.direction, light.pdf);
+    shadowCone(path, path.throughput * q.f * light.radiance / light.pdf * weight, wave);
+    if (!path.paired) return;
+  }
+  path.asks = true;
+}
+
+/// What arrives of the light that was chosen, and of caustics.
+void PathTracer::answer(WavePath& path) const {
+  const Bsdf& bsdf = *path.bsdf;
+  if (path.asks) takeAnswer(path);
+  if (path.caustics == nullptr) return;
+  const CausticMap& map = path.scattered == 0 ? *path.caustics->seen : *path.caustics->later;
+  const vec3 light = map.radiance(path.surface, bsdf, !path.spread);
+  path.add(path.throughput * light, path.scattered == 0);
+}
+
+void PathTracer::takeAnswer(WavePath& path) const {
+  const Bsdf& bsdf = *path.bsdf;
+  const LightQuestion& q = path.question;
+  const LightSample& light = q.light;
+  const vec3 absorption = bsdf.absorptionTowards(light.direction, path.absorption);
+  const LightConnection way = connect(path, q.start, light.direction, light.end(), absorption);
+  if (!way.reaches()) return;
+  const vec3 f = way.refracted ? bsdf.evaluate(way.direction, q.kind) : q.f;
+  const float pdf = light.pdfBy(way);
+  const vec3 unweighted = path.throughput * f * light.radiance * way.passed / pdf;
+  const float weight = lightWeight(bsdf, light, way.direction, pdf),
+              guessWeight = q.farEmitter ? 1.0f : weight;
+  const vec3 exact = unweighted * weight;
+  const bool direct = path.scattered == 0;
+  if (!q.coneShadow && !(path.coupled && guessWeight != weight)) {
+    path.add(exact, direct);
+    return;
+  }
+  const vec3 guess = q.coneShadow ? vec3(0.0f) : unweighted * guessWeight;
+  path.sample->guess += guess;
+  path.sample->exact += exact;
+  if (direct) {
+    path.sample->direct += guess;
+    path.sample->directExact += exact;
+  }
+}
+
+/// The shadow cone of a large light, which brings `radiance` if nothing is in its way.
+void PathTracer::shadowCone(WavePath& path, const vec3& radiance, Wave& wave) const {
+  const RayStart& start = path.question.start;
+  const LightSample& light = path.question.light;
+  const float near = nearField();
+  if (!connect(path, start, light.direction, near, vec3(0.0f)).reaches()) return;
+  ConeRequest request;
+  request.origin = vec3(start.position);
+  request.direction = light.direction;
+  request.tanHalf =
+      std::min(std::sqrt(light.solidAngle * kInvPi), guess_.footprint.diffuseSpread) * kShadowWidth;
+  request.tmin = near;
+  // The emitter's own voxels must not shadow it: those that the cone reads there are as wide as
+  // the cone.
+  request.tmax = light.distance -
+                 std::max(2.0f * guess_.cache->leafSize(), 2.0f * request.tanHalf * light.distance);
+  request.jitter = path.sampler.next1D();
+  request.background = radiance;
+  if (media_ != nullptr) {
+    request.background *= media_->transmittance(start.position, light.direction, light.distance);
+  }
+  if (layers_.glass()) {  // voxels have none
+    const ClearWalk walk = layers_.walk(start, light.direction, light.end());
+    if (!walk.path.straight(walk.direction)) return;  // bent: scattered rays find it
+    request.background *= walk.glass;
+  }
+  request.direct = path.scattered == 0;
+  request.job = path.job;
+  request.shadow = true;
+  wave.cones.push_back(request);
+  ++path.counts->cones;
+}
+
+/// How light that was sampled arrives at the start; `absorption`: of the volume there, 1/m.
+LightConnection PathTracer::connect(WavePath& path, const RayStart& start, const vec3& direction,
+                                    const RayEnd& end, const vec3& absorption) const {
+  ++path.counts->shadowRays;
+  LightConnection way = layers_.connect(start, direction, end, absorption);
+  if (media_ != nullptr && way.reaches()) {
+    way.passed *= media_->transmittance(start.position, direction, end.distance);
+  }
+  return way;
+}
+
+/// Share of an emitter's light that falls to a path from a vertex, where light sampling may find it
+/// too. `density` as Path::density(), `left` where the ray left the vertex, `travelled` metres to
+/// it by `way`.
+float PathTracer::emitterWeight(float density, const RayStart& left, const LightPoint& vertex,
+                                const ClearPath& way, float travelled, const vec3& direction,
+                                const Surface& surface, const RayHit& hit) const {
+  if (!(density < kInfinity)) return 1.0f;
+  const float cosine = std::abs(glm::dot(surface.geometricNormal, direction));
+  const auto sampled = [&](float distance) {
+    return lights_.pdfEmitter(vertex, hit, distance, cosine);
+  };
+  if (!way.begun()) return powerHeuristic(density, sampled(travelled));
+  // Light sampling chooses along the straight line; what counts is its density on this way, which
+  // it need not find: by the edge of a thick pane it may see another one, or none.
+  const RayEnd end(glm::length(vec3(surface.position - left.position)), surface.position);
+  const LightConnection found = layers_.connect(left, way.direction(), end);
+  constexpr float kSame = 4.0f * ClearPath::kStraight;
+  if (!found.reaches() || glm::length(found.direction - way.direction()) > kSame) return 1.0f;
+  const auto distance = static_cast<float>(glm::length(surface.position - vertex.position()));
+  return powerHeuristic(density, sampled(distance) * way.spread() / (distance * distance));
+}
+
+}  // namespace trex

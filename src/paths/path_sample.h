@@ -1,0 +1,57 @@
+// What paths are asked for, and what they bring.
+#pragma once
+
+#include <cstdint>
+
+#include "src/core/maths.h"
+#include "src/frame/features.h"
+
+namespace trex {
+
+/// A sample to take: number `sample` of pixel (x, y). `paired` asks for X as well; without a cache
+/// X is all there is and goes to `common`.
+struct PathJob {
+  std::uint32_t x, y, sample;
+  bool paired = false;
+};
+
+/// A G-ray that a path asks for. The answer adds to the guess of its pixel:
+/// weight * radiance + background * transmittance.
+struct ConeRequest {
+  vec3 origin, direction;
+  float tanHalf = 0.0f, tmin = 0.0f, tmax = kInfinity;
+  float jitter = 0.0f;
+  vec3 weight{0.0f}, background{0.0f};
+  std::uint32_t job = 0;  ///< of the job, see PathTracer::trace()
+  bool shadow = false;    ///< transmittance alone
+  bool direct = false;    ///< `background` is direct light
+};
+
+/// One sample of a pixel. G = common + guess + cones; X = common + exact. The parts of both that
+/// are direct: light that was scattered at most once, mirrors and clear glass not counted.
+struct PathSample {
+  vec3 common{0.0f}, guess{0.0f}, exact{0.0f};
+  vec3 direct{0.0f}, directExact{0.0f};  ///< of G (without cones) and of X
+  /// Of `common`: what emitters, unlit surfaces and the sky send to the eye, straight or by mirrors
+  /// alone. Nothing about it is left to chance, so no filter may touch it.
+  vec3 own{0.0f};
+  Feature feature;
+  FirstHit first;
+  /// 1 where the camera's ray meets a surface, glass included; of a blended or masked one the share
+  /// of samples that it stops. Else the opacity of the media on its way to the background.
+  float alpha = 1.0f;
+};
+
+/// Rays by class, for the report.
+struct RayCounts {
+  std::uint64_t cRays = 0, shadowRays = 0, cones = 0, cacheReads = 0, exactPaths = 0;
+  void add(const RayCounts& o) {
+    cRays += o.cRays;
+    shadowRays += o.shadowRays;
+    cones += o.cones;
+    cacheReads += o.cacheReads;
+    exactPaths += o.exactPaths;
+  }
+};
+
+}  // namespace trex

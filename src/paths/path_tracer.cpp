@@ -1,0 +1,87 @@
+#include "src/paths/path_tracer.h"
+
+#include <algorithm>
+
+#include "src/paths/wave.h"
+
+namespace trex {
+
+PathTracer::PathTracer(const Scene& scene, const RayScene& rays, const LightSet& lights,
+                       const CameraRays& camera, const GuessOptions& guess, std::uint32_t seed,
+                       bool background, const CausticMaps* caustics)
+    : scene_(scene),
+      rays_(rays),
+      lights_(lights),
+      camera_(camera),
+      media_(rays.media()),
+      guess_(guess),
+      seed_(seed),
+      background_(background),
+      layers_(scene, rays),
+      caustics_(caustics) {}
+
+void PathTracer::trace(std::span<const PathJob> jobs, std::uint32_t width, std::uint32_t first,
+                       std::span<PathSample> samples, std::span<RayCounts> counts,
+                       std::vector<ConeRequest>& cones) const {
+  Wave wave(cones);
+  for (std::size_t i = 0; i < jobs.size(); i += Wave::kPaths) {
+    wave.paths.clear();
+    for (std::size_t k = i; k < std::min(jobs.size(), i + Wave::kPaths); ++k) {
+      WavePath& path =
+          wave.paths.emplace_back(generate(jobs[k], width, first + static_cast<std::uint32_t>(k)));
+      path.sample = &samples[k];
+      path.counts = &counts[k];
+      path.caustics = caustics_ ? caustics_->find(path.number) : nullptr;
+      if (path.paired) ++path.counts->exactPaths;
+    }
+    run(wave);
+  }
+}
+
+PathSample PathTracer::sample(const PathJob& job, std::uint32_t width) const {
+  PathSample sample;
+  RayCounts counts;
+  std::vector<ConeRequest> cones;
+  trace({&job, 1}, width, 0, {&sample, 1}, {&counts, 1}, cones);
+  return sample;
+}
+
+/// A path and its first ray.
+PathState PathTracer::generate(const PathJob& job, std::uint32_t width,
+                               std::uint32_t number) const {
+  PathState path{.job = number,
+                 .number = job.sample,
+                 .sampler = Sampler(job.y * width + job.x, job.sample, seed_),
+                 .paired = job.paired,
+                 .certain = media_ == nullptr && !camera_.hasLens()};
+  const vec2 jitter = path.sampler.next2D();
+  camera_.ray(static_cast<float>(job.x) + jitter.x, static_cast<float>(job.y) + jitter.y,
+              path.start.position, path.direction);
+  if (camera_.hasLens()) {
+    camera_.throughLens(path.sampler.next2D(), path.start.position, path.direction);
+  }
+  return path;
+}
+
+/// All paths of a wave through all stages, until the last one has ended.
+void PathTracer::run(Wave& wave) const {
+  wave.underWay.clear();
+  for (WavePath& path : wave.paths) wave.underWay.push_back(&path);
+  while (!wave.underWay.empty()) {
+    std::erase_if(wave.underWay, [&](WavePath* path) { return !extend(*path, wave); });
+    std::erase_if(wave.underWay, [&](WavePath* path) {
+      path->fate = arrive(*path);
+      return path->fate == Fate::kEnds;
+    });
+    for (WavePath* path : wave.underWay) {
+      if (path->fate == Fate::kLit) ask(*path, wave);
+    }
+    for (WavePath* path : wave.underWay) {
+      if (path->fate == Fate::kLit) answer(*path);
+    }
+    std::erase_if(wave.underWay,
+                  [&](WavePath* path) { return path->fate != Fate::kPasses && !scatter(*path); });
+  }
+}
+
+}  // namespace trex

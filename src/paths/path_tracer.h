@@ -1,0 +1,111 @@
+// C-rays: a path tracer with light sampling, multiple importance sampling and Russian roulette
+// [Veach 1997], which is the exact side X, and the ladder of guesses on top of it.
+//
+// Paths are data (path_state.h) and go in waves through stages, each in one file:
+//
+//   generate ─► extend ─► arrive ─► ask ─► answer ─► scatter ─┐
+//                 ▲  trace   surface  choose  shadow   next     │
+//                 │          cache    light   ray      ray      │
+//                 └─────────────────────────────────────────────┘
+//
+// As long as guess and exact path agree a path's light is `common`. Where the footprint rule lets a
+// ray end in cached light (G1) or hands it to a cone (G0), the guess leaves the path: what it adds
+// goes to `guess` (and to cone requests); if the sample is paired, the path goes on and adds to
+// `exact`.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "src/crays/bsdf.h"
+#include "src/crays/camera_rays.h"
+#include "src/crays/caustics.h"
+#include "src/crays/clear_path.h"
+#include "src/crays/light_cache.h"
+#include "src/crays/lights.h"
+#include "src/crays/ray_scene.h"
+#include "src/paths/path_sample.h"
+
+namespace trex {
+
+enum class Fate : std::uint8_t;
+struct PathState;
+struct Wave;
+struct WavePath;
+
+/// What a path may do besides tracing exactly.
+struct GuessOptions {
+  const LightCache* cache = nullptr;  ///< null: exact paths alone
+  FootprintRule footprint;
+  bool cones = false;              ///< G0 and shadow cones are worth their cost on this device
+  float shadowSolidAngle = 0.02f;  ///< steradian from which on a shadow ray is a G-ray
+};
+
+/// Immutable; trace() is thread safe.
+class PathTracer {
+ public:
+  /// All of these must outlive it. `background`: rays of the camera that meet nothing see the
+  /// environment. `caustics` (may be null) must have prepared the maps of the samples that read
+  /// them.
+  PathTracer(const Scene& scene, const RayScene& rays, const LightSet& lights,
+             const CameraRays& camera, const GuessOptions& guess, std::uint32_t seed,
+             bool background = true, const CausticMaps* caustics = nullptr);
+
+  /// Traces samples of a picture `width` pixels wide. samples[i] and counts[i] are of jobs[i], as
+  /// large and empty; cone requests are appended, with `first` + i. Samples depend on pixel, number
+  /// and seed alone, not on what is traced with them. Throws as RayScene::intersect() does.
+  void trace(std::span<const PathJob> jobs, std::uint32_t width, std::uint32_t first,
+             std::span<PathSample> samples, std::span<RayCounts> counts,
+             std::vector<ConeRequest>& cones) const;
+  /// One of them, without what cones would add to the guess.
+  PathSample sample(const PathJob& job, std::uint32_t width) const;
+  /// Whether samples are guesses, so that a paired one differs.
+  bool guesses() const { return guess_.cache != nullptr; }
+
+ private:
+  PathState generate(const PathJob& job, std::uint32_t width, std::uint32_t number) const;
+  void run(Wave& wave) const;
+
+  bool extend(WavePath& path, Wave& wave) const;
+  bool handToCone(WavePath& path, Wave& wave) const;
+  void miss(WavePath& path) const;
+
+  Fate arrive(WavePath& path) const;
+  bool passLayer(WavePath& path) const;
+  void look(WavePath& path) const;
+  void emit(WavePath& path) const;
+  bool endInCache(WavePath& path) const;
+
+  void ask(WavePath& path, Wave& wave) const;
+  void shadowCone(WavePath& path, const vec3& radiance, Wave& wave) const;
+  void answer(WavePath& path) const;
+  void takeAnswer(WavePath& path) const;
+  LightConnection connect(WavePath& path, const RayStart& start, const vec3& direction,
+                          const RayEnd& end, const vec3& absorption) const;
+  float emitterWeight(float density, const RayStart& left, const LightPoint& vertex,
+                      const ClearPath& way, float travelled, const vec3& direction,
+                      const Surface& surface, const RayHit& hit) const;
+
+  void passMedia(WavePath& path, float distance) const;
+  vec3 scatteredLight(WavePath& path, const dvec3& point, float anisotropy) const;
+  vec3 lightAlong(WavePath& path, const dvec3& point, const vec3& direction, float pdf) const;
+
+  bool scatter(WavePath& path) const;
+  void passClear(WavePath& path, const vec3& direction) const;
+
+  float nearField() const;
+
+  const Scene& scene_;
+  const RayScene& rays_;
+  const LightSet& lights_;
+  const CameraRays& camera_;
+  const Media* media_;  ///< null if there is none
+  GuessOptions guess_;
+  std::uint32_t seed_;
+  bool background_;
+  ClearLayers layers_;
+  const CausticMaps* caustics_;
+};
+
+}  // namespace trex

@@ -1,0 +1,105 @@
+// Paths on their way through the stages. Private to src/paths.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <vector>
+
+#include "src/crays/bsdf.h"
+#include "src/crays/caustics.h"
+#include "src/crays/lights.h"
+#include "src/paths/path_sample.h"
+#include "src/paths/path_state.h"
+
+namespace trex {
+
+/// A question for a light that was chosen: does its light arrive?
+struct LightQuestion {
+  LightSample light;
+  RayStart start;
+  vec3 f{0.0f};                    ///< of the straight direction
+  LobeKind kind = LobeKind::kAll;  ///< what `f` counts
+  bool farEmitter = false;         ///< an emitter beyond the near field: no cone gathers it
+  bool coneShadow = false;         ///< the guess has asked a cone
+};
+
+/// What becomes of a path at a surface.
+enum class Fate : std::uint8_t {
+  kEnds,
+  kPasses,    ///< a transparent layer: its next ray is ready
+  kScatters,  ///< light that arrives there is not asked for
+  kLit,       ///< lights are asked for, then it scatters
+};
+
+/// A path in a wave: its state, and what one stage leaves for the next between two rays.
+struct WavePath : PathState {
+  PathSample* sample = nullptr;
+  RayCounts* counts = nullptr;
+  const SampleCaustics* caustics = nullptr;  ///< may be null
+  /// The vertex, and where the path is. They remember what lights weigh there.
+  LightPoint points[2];
+  std::uint8_t atVertex = 0;  ///< which of them
+  RayHit hit{};
+  Surface surface;
+  std::optional<Bsdf> bsdf;
+  LightQuestion question;
+  bool asks = false;  ///< the question
+  Fate fate = Fate::kEnds;
+  bool coneVertex = false;
+
+  explicit WavePath(const PathState& state)
+      : PathState(state), points{{vertex, vertexNormal}, vec3(0.0f)} {}
+
+  const LightPoint& lastPoint() const { return points[atVertex]; }
+  LightPoint& here() { return points[1 - atVertex]; }
+  /// Turned here: the next ray is ready but for its direction.
+  void turn(const vec3& normal) {
+    atVertex = 1 - atVertex;
+    vertex = lastPoint().position();
+    vertexNormal = normal;
+    clear = ClearPath();
+    left = start;
+    travelled = 0.0f;
+  }
+  /// `direct`: see PathSample.
+  void add(const vec3& light, bool direct) {
+    (coupled ? sample->common : sample->exact) += light;
+    if (!direct) return;
+    if (coupled) sample->direct += light;
+    sample->directExact += light;
+  }
+  /// Light that the last ray came straight from.
+  void addSeen(const vec3& light) {
+    add(light, scattered <= 1);
+    if (certain && coupled) sample->own += light;
+  }
+  /// The guess parts from the path. False if nobody follows the exact path.
+  bool part() {
+    coupled = false;
+    return paired;
+  }
+};
+
+/// Paths that are traced together. Those that are under way stay in the order of their samples.
+struct Wave {
+  /// Some 2 KiB each; so many stay in the first-level cache or close to it.
+  static constexpr std::size_t kPaths = 16;
+
+  std::vector<WavePath> paths;
+  std::vector<WavePath*> underWay;
+  std::vector<ConeRequest>& cones;
+
+  explicit Wave(std::vector<ConeRequest>& requests) : cones(requests) {
+    paths.reserve(kPaths);
+    underWay.reserve(kPaths);
+  }
+};
+
+inline float powerHeuristic(float a, float b) {
+  // Scaled so that the squares of large densities do not overflow.
+  if (!(a < kInfinity)) return 1.0f;
+  const float ratio = b / std::max(a, 1e-30f);
+  return 1.0f / (1.0f + ratio * ratio);
+}
+
+}  // namespace trex
