@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "src/crays/integrator.h"
+#include "src/paths/path_sample.h"
 #include "src/frame/accumulator.h"
 
 namespace trex {

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <functional>
 
-#include "src/crays/integrator.h"
+#include "src/crays/camera_rays.h"
 #include "src/crays/light_cache.h"
 #include "src/crays/photons.h"
 #include "src/grays/grays.h"

@@ -33,7 +33,7 @@
 #include <string>
 #include <vector>
 
-#include "src/crays/integrator.h"
+#include "src/paths/path_sample.h"
 #include "src/frame/image_file.h"
 #include "src/frame/layers.h"
 #include "src/grays/grays.h"
