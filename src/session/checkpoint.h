@@ -12,8 +12,8 @@
 #include <string>
 #include <vector>
 
-#include "src/paths/path_sample.h"
 #include "src/frame/accumulator.h"
+#include "src/paths/path_sample.h"
 
 namespace trex {
 

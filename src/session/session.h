@@ -33,10 +33,10 @@
 #include <string>
 #include <vector>
 
-#include "src/paths/path_sample.h"
 #include "src/frame/image_file.h"
 #include "src/frame/layers.h"
 #include "src/grays/grays.h"
+#include "src/paths/path_sample.h"
 #include "src/scene/look.h"
 #include "src/session/frame_buffers.h"
 #include "src/session/goal.h"
