@@ -140,9 +140,12 @@ void ObjReader::readSmoothing(std::string_view line) {
 }
 
 bool ObjReader::readLibrary(std::string_view name) {
+  const auto [known, isNew] = libraries_.try_emplace(std::string(name), false);
+  if (!isNew) return known->second;  // some exporters name it again for each object
   std::error_code error;
   const std::filesystem::path file = findFile(path_.parent_path(), std::string(name));
   if (!std::filesystem::is_regular_file(file, error)) return false;
+  known->second = true;
   try {
     readMtl(file, options_, scene_, materialNames_);
   } catch (const Error& e) {
@@ -160,7 +163,7 @@ void ObjReader::readLibraries(std::string_view line) {
   std::filesystem::path renamed = path_.filename();
   renamed.replace_extension(".mtl");
   for (std::string_view name = nextWord(line); !name.empty(); name = nextWord(line)) {
-    if (readLibrary(name)) continue;
+    if (readLibrary(name) || !missingLibraries_.insert(std::string(name)).second) continue;
     const std::string missing = (path_.parent_path() / std::string(name)).string();
     if (readLibrary(renamed.string())) {
       replace("no material file {}; {} is used", missing, renamed.string());

@@ -100,6 +100,8 @@ class ObjReader {
   std::filesystem::path path_;
   const ImportOptions& options_;
   std::map<std::string, int> materialNames_;
+  std::map<std::string, bool> libraries_;   ///< by name: whether there is one
+  std::set<std::string> missingLibraries_;  ///< that were told
   int object_ = kNone, material_ = 0;
   std::int32_t smoothing_ = 0, ownNormals_ = 0;
   bool objectsNamed_ = false, facesSeen_ = false;

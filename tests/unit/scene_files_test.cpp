@@ -146,6 +146,21 @@ TEST_F(SceneObj, PolygonsNegativeIndicesGroupsAndMaterials) {
   EXPECT_FALSE(s.environment.present());
 }
 
+TEST_F(SceneObj, LibrariesNamedForEachObjectAreReadOnce) {
+  write("a.mtl", "newmtl red\nKd 0.5 0 0\n");
+  std::string text = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+  for (int i = 0; i < 3; ++i) {
+    text += fmt::format("mtllib a.mtl none.mtl\no part {}\nusemtl red\nf 1 2 3\n", i);
+  }
+  const Scene s = import("a.obj", text);
+  EXPECT_EQ(s.meshes.size(), 3u);
+  EXPECT_EQ(std::count_if(s.materials.begin(), s.materials.end(),
+                          [](const Material& m) { return m.name == "red"; }),
+            1);
+  EXPECT_EQ(s.materials[s.meshes[2].material].baseColor, vec4(0.5f, 0, 0, 1));
+  EXPECT_EQ(s.replaced.count, 1u);
+}
+
 TEST_F(SceneObj, VertexColoursAndMissingLibrary) {
   const Scene s =
       import("a.obj", "mtllib none.mtl\nv 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nf 1 2 3\n");
