@@ -198,26 +198,31 @@ void MaterialWriter::writeTextures(const aiMaterial& from, Json& to) {
   set(to, "emissiveTexture", {aiTextureType_EMISSION_COLOR, aiTextureType_EMISSIVE});
   set(to, "normalTexture", {aiTextureType_NORMALS, aiTextureType_NORMAL_CAMERA});
   set(pbr, "metallicRoughnessTexture", {aiTextureType_UNKNOWN});
-  // Of what is no metal our reader sees the green channel alone: a map of roughness is grey.
-  const bool rough = !pbr.contains("metallicRoughnessTexture") && pbr["metallicFactor"] == 0.0f &&
-                     anyTexture(from, {aiTextureType_DIFFUSE_ROUGHNESS});
-  if (rough) {
-    set(pbr, "metallicRoughnessTexture", {aiTextureType_DIFFUSE_ROUGHNESS});
-    pbr["roughnessFactor"] = 1.0f;
+  // A map of its own is as good as a factor of 1, which some exporters leave at 0 beside it.
+  Json maps = Json::object();
+  if (!pbr.contains("metallicRoughnessTexture")) {
+    set(maps, "roughness", {aiTextureType_DIFFUSE_ROUGHNESS});
+    set(maps, "metalness", {aiTextureType_METALNESS});
+    if (maps.contains("roughness")) pbr["roughnessFactor"] = 1.0f;
+    if (maps.contains("metalness")) pbr["metallicFactor"] = 1.0f;
   }
   const std::string mask = pathOf(from, aiTextureType_OPACITY);
-  if (!mask.empty() && mask == pathOf(from, aiTextureType_DIFFUSE)) {
+  if (!mask.empty()) {
     if (!to.contains("alphaMode")) to["alphaMode"] = "BLEND";
-  } else if (!mask.empty()) {
-    out_.replaced(fmt::format("material '{}': its map of opacity is left out", name_));
+    const std::initializer_list colors = {aiTextureType_BASE_COLOR, aiTextureType_DIFFUSE};
+    const bool same = std::any_of(colors.begin(), colors.end(),
+                                  [&](aiTextureType kind) { return mask == pathOf(from, kind); });
+    if (!same) set(maps, "opacity", {aiTextureType_OPACITY});
   }
+  if (!maps.empty()) to["extras"]["trex_maps"] = std::move(maps);
   constexpr std::pair<aiTextureType, const char*> kLeftOut[] = {
-      {aiTextureType_METALNESS, "metalness"},    {aiTextureType_DIFFUSE_ROUGHNESS, "roughness"},
-      {aiTextureType_SPECULAR, "reflection"},    {aiTextureType_HEIGHT, "heights"},
-      {aiTextureType_DISPLACEMENT, "heights"},   {aiTextureType_SHININESS, "shininess"},
+      {aiTextureType_SPECULAR, "reflection"},
+      {aiTextureType_HEIGHT, "heights"},
+      {aiTextureType_DISPLACEMENT, "heights"},
+      {aiTextureType_SHININESS, "shininess"},
       {aiTextureType_REFLECTION, "surroundings"}};
   for (const auto& [kind, name] : kLeftOut) {
-    if (!anyTexture(from, {kind}) || (rough && kind == aiTextureType_DIFFUSE_ROUGHNESS)) continue;
+    if (!anyTexture(from, {kind})) continue;
     out_.replaced(fmt::format("material '{}': its map of {} is left out", name_, name));
   }
 }

@@ -47,6 +47,7 @@ struct GltfContext {
   tinygltf::Model model;  ///< without buffers and images
   std::vector<GltfBuffer> buffers;
   std::vector<GltfImage> images;
+  bool handedOver = false;  ///< by the reader of another format (src/assimp/child.h)
   Scene scene;
   std::set<std::string> said;  ///< warnings already in the scene
 
@@ -156,11 +157,15 @@ class GltfMaterials {
   void loadImages();
 
  private:
+  /// An image of the file, or one that is made of images before it.
   struct PendingImage {
-    int gltfImage;  ///< kNone: made of a glossy image
-    bool srgb;
-    int glossy = kNone;       ///< image before, whose alpha is glossiness
-    float glossiness = 0.0f;  ///< its factor
+    enum class Make { kDecode, kOfGlossiness, kRoughnessAndMetallic, kWithOpacity };
+    Make make = Make::kDecode;
+    int first = kNone;   ///< glTF image to decode; of others the scene image of the glossiness,
+                         ///< the roughness or the colour
+    int second = kNone;  ///< scene image of the metalness or the opacity
+    bool srgb = false;   ///< of what is decoded
+    float glossiness = 0.0f;  ///< factor
     bool operator==(const PendingImage&) const = default;
   };
 
@@ -191,7 +196,11 @@ class GltfMaterials {
                   bool srgb);
   Texture textureProperty(Slot slot, const tinygltf::Value& object, const char* key, bool srgb);
   int sceneImage(int gltfImage, bool srgb);
-  int roughnessImage(int glossy, float glossiness);
+  int madeImage(const PendingImage& wanted);
+  Image make(const PendingImage& wanted);
+  void convertSeparateMaps(const tinygltf::Material& from, Material& to);
+  Texture separateMap(Slot slot, const tinygltf::Value& maps, const char* key,
+                      const Texture& beside);
   float inRange(double value, double low, double high, const char* what);
   float number(const tinygltf::Value& object, const char* key, double fallback, double low,
                double high);

@@ -189,6 +189,7 @@ void GltfMaterials::convertExtensions(const tinygltf::Material& from, Material& 
     convertSpecularGlossiness(*e, to);
   }
   convertFinish(from, to.finish);
+  convertSeparateMaps(from, to);
 }
 
 void GltfMaterials::convertFinish(const tinygltf::Material& from, Finish& to) {
@@ -253,9 +254,47 @@ void GltfMaterials::convertSpecularGlossiness(const tinygltf::Value& e, Material
   to.specularColorTexture = textureProperty(kSpecularColor, e, "specularGlossinessTexture", true);
   if (!to.specularColorTexture.present() || glossiness == 0.0f) return;
   to.metallicRoughnessTexture = to.specularColorTexture;
-  to.metallicRoughnessTexture.image = roughnessImage(to.specularColorTexture.image, glossiness);
+  to.metallicRoughnessTexture.image = madeImage({.make = PendingImage::Make::kOfGlossiness,
+                                                 .first = to.specularColorTexture.image,
+                                                 .glossiness = glossiness});
   currentSets_[kMetallicRoughness] = currentSets_[kSpecularColor];
   to.roughness = 1.0f;
+}
+
+/// A map that shares its slot with the one `beside`, whose place on the surface it takes.
+Texture GltfMaterials::separateMap(Slot slot, const tinygltf::Value& maps, const char* key,
+                                   const Texture& beside) {
+  const int set = currentSets_[slot];
+  const Texture map = textureProperty(slot, maps, key, false);
+  if (!beside.present() || !map.present()) return map;
+  Texture moved = map;
+  moved.image = beside.image;
+  if (!(moved == beside) || currentSets_[slot] != set) {
+    context_.replace("{}: its map of {} is placed as the one beside it", currentName_, key);
+  }
+  currentSets_[slot] = set;
+  return map;
+}
+
+/// Formats other than glTF keep roughness, metalness and opacity in images of their own.
+void GltfMaterials::convertSeparateMaps(const tinygltf::Material& from, Material& to) {
+  const tinygltf::Value* maps = member(from.extras, "trex_maps");
+  if (!context_.handedOver || maps == nullptr || !maps->IsObject()) return;
+  const Texture rough = separateMap(kMetallicRoughness, *maps, "roughness", {});
+  const Texture metal = separateMap(kMetallicRoughness, *maps, "metalness", rough);
+  if (rough.present() || metal.present()) {
+    to.metallicRoughnessTexture = rough.present() ? rough : metal;
+    to.metallicRoughnessTexture.image =
+        madeImage({.make = PendingImage::Make::kRoughnessAndMetallic,
+                   .first = rough.image,
+                   .second = metal.image});
+  }
+  const Texture color = to.baseColorTexture;
+  const Texture opacity = separateMap(kBase, *maps, "opacity", color);
+  if (!opacity.present()) return;
+  if (!color.present()) to.baseColorTexture = opacity;
+  to.baseColorTexture.image = madeImage(
+      {.make = PendingImage::Make::kWithOpacity, .first = color.image, .second = opacity.image});
 }
 
 std::array<int, 2> GltfMaterials::keptSets(const Sets& sets) {
@@ -367,32 +406,44 @@ Texture GltfMaterials::texture(Slot slot, int index, int texCoord,
 
 int GltfMaterials::sceneImage(int gltfImage, bool srgb) {
   const auto [at, isNew] = imageIndex_.try_emplace(gltfImage, static_cast<int>(pending_.size()));
-  if (isNew) pending_.push_back({gltfImage, srgb});
+  if (isNew) pending_.push_back({.first = gltfImage, .srgb = srgb});
   pending_[at->second].srgb |= srgb;
   return at->second;
 }
 
-/// Of an image whose alpha is glossiness: the image of roughness, made when that one is loaded.
-int GltfMaterials::roughnessImage(int glossy, float glossiness) {
-  const PendingImage wanted{kNone, false, glossy, glossiness};
+/// The scene image that will be made of others once they are loaded.
+int GltfMaterials::madeImage(const PendingImage& wanted) {
   const auto at = std::find(pending_.begin(), pending_.end(), wanted);
   const auto index = static_cast<int>(at - pending_.begin());
   if (at == pending_.end()) pending_.push_back(wanted);
   return index;
 }
 
+Image GltfMaterials::make(const PendingImage& wanted) {
+  if (wanted.make == PendingImage::Make::kDecode) {
+    return decodeGltfImage(context_, wanted.first, wanted.srgb);
+  }
+  const auto& images = context_.scene.images;
+  const auto source = [&](int number) {  // null where it could not be decoded
+    return number == kNone || images[number].width == 0 ? nullptr : &images[number];
+  };
+  const Image *first = source(wanted.first), *second = source(wanted.second);
+  if (wanted.make == PendingImage::Make::kOfGlossiness) {
+    return roughnessOfGlossiness(images[wanted.first], wanted.glossiness);
+  }
+  if (wanted.make == PendingImage::Make::kRoughnessAndMetallic) {
+    return first || second ? roughnessAndMetallic(first, second) : Image{};
+  }
+  return second ? withOpacity(first, *second) : first ? *first : Image{};
+}
+
 void GltfMaterials::loadImages() {
   // One after the other: decoding in parallel crashed now and then with OpenImageIO 2.4.7 (2 of
   // about 65 runs on 15 textures, cause not found), for 0.04 s gained.
   for (const PendingImage& pending : pending_) {
-    Image& image = context_.scene.images.emplace_back();
-    if (pending.glossy != kNone) {
-      const Image& glossy = context_.scene.images[pending.glossy];
-      image = roughnessOfGlossiness(glossy, pending.glossiness);
-      continue;
-    }
-    context_.attempt("textures of it are left out",
-                     [&] { image = decodeGltfImage(context_, pending.gltfImage, pending.srgb); });
+    Image made;
+    context_.attempt("textures of it are left out", [&] { made = make(pending); });
+    context_.scene.images.push_back(std::move(made));
   }
 }
 

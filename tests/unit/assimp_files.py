@@ -145,6 +145,35 @@ Connections:  {{
 """
 
 
+def fbx_with_maps(points, faces, uv, maps):
+    """As fbx(), white, with texture coordinates of corners; `maps`: names of properties to names of files."""
+    objects = "".join(f"""
+	Texture: {9 + i}, "Texture::{i}", "" {{
+		Type: "TextureVideoClip"
+		Version: 202
+		RelativeFilename: "{file}"
+		FileName: "{file}"
+	}}""" for i, file in enumerate(maps.values()))
+    links = "\n".join(f'C: "OP",{9 + i},3,"{name}"' for i, name in enumerate(maps))
+    coordinates = f"""LayerElementUV: 0 {{
+			Version: 101
+			MappingInformationType: "ByPolygonVertex"
+			ReferenceInformationType: "IndexToDirect"
+			UV: *{2 * len(uv)} {{
+				a: {",".join("%.9g" % c for t in uv for c in t)}
+			}}
+			UVIndex: *{3 * len(faces)} {{
+				a: {",".join(str(i) for f in faces for i in f)}
+			}}
+		}}
+		Layer: 0 {{
+			LayerElement:  {{
+				Type: "LayerElementUV"
+				TypedIndex: 0
+			}}"""
+    return fbx(points, faces, (1, 1, 1), extra=objects, links=links).replace("Layer: 0 {", coordinates, 1)
+
+
 def dae(points, faces, color, unit=1.0, up="Y_UP", libraries="", nodes=""):
     return f"""<?xml version="1.0"?>
 <COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 """Pictures of pbrt scenes: radiances in closed form, the same picture as of the same OBJ file, and not mirrored."""
-import argparse, json, os, shutil, subprocess, tempfile, unittest
+import json
 
+import program
 from exr_file import exr_bytes, rgb
 
-TREX = None
 FLOOR = 'Shape "trianglemesh" "point P" [-9 0 -9  9 0 -9  9 0 9  -9 0 9] "integer indices" [0 2 1 0 3 2]\n'
 # One degree around the floor's middle, from above.
 DOWN = ('Scale -1 1 1\nLookAt 0 3 0  0 0 0  0 0 1\nFilm "{}"\nCamera "perspective" "float fov" 1\nWorldBegin\n'
@@ -12,26 +12,9 @@ DOWN = ('Scale -1 1 1\nLookAt 0 3 0  0 0 0  0 0 1\nFilm "{}"\nCamera "perspectiv
 V3, V4 = DOWN.format("image", "matte", "Kd"), DOWN.format("rgb", "diffuse", "reflectance")
 
 
-class PbrtTest(unittest.TestCase):
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="trex-pbrt-")
-
-    def tearDown(self):
-        shutil.rmtree(self.folder)
-
-    def write(self, name, data):
-        path = os.path.join(self.folder, name)
-        with open(path, "wb") as f:
-            f.write(data if isinstance(data, bytes) else data.encode())
-        return path
-
-    def trex(self, *arguments, code=0):
-        result = subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=300)
-        self.assertEqual(result.returncode, code, result.stdout + result.stderr)
-        return result.stdout
-
+class PbrtTest(program.ProgramTest):
     def render(self, source, name, *arguments):
-        out = os.path.join(self.folder, name)
+        out = self.path(name)
         self.trex("render", source, "-o", out, "--exact", "1", "--device", "none", *arguments)
         return out
 
@@ -64,13 +47,13 @@ class PbrtTest(unittest.TestCase):
                    'ReverseOrientation\nShape "sphere"\n')
         for most, right in ((0, 1), (1, 1.5), (3, 1.875)):
             self.expect_radiance(furnace.format(most), (right,) * 3, 0.02)
-        scene, bundle = self.write("a.pbrt", furnace.format(1)), os.path.join(self.folder, "a.trex")
+        scene, bundle = self.write("a.pbrt", furnace.format(1)), self.path("a.trex")
         for options in ((), ("--stream",)):
             self.trex("bake", scene, "-o", bundle, *options)
             for model in (scene, bundle):
                 self.assertEqual(json.loads(self.trex("info", model, "--json"))["max_bounces"], 1)
                 self.assertIn("at most 1", self.trex("info", model))
-            made = os.path.join(self.folder, "synth.trex")
+            made = self.path("synth.trex")
             self.trex("bake", "synth:assembly?triangles=1e3", "-o", made, "--max-bounces", "3", *options)
             self.assertEqual(json.loads(self.trex("info", made, "--json"))["max_bounces"], 3)
         limited = self.render(bundle, "b.exr", "--size", "4x4", "--spp", "64")
@@ -103,12 +86,8 @@ class PbrtTest(unittest.TestCase):
         other = self.write("f.obj", "".join("v {} {} {}\n".format(*c) for c in flipped) +
                            "".join("f {} {} {}\n".format(*(i + 1 for i in f)) for f in faces))
         seen = self.render(other, "f.exr", "--camera", "-1,1,8/-0.5,0.9,0/0,1,0/30", *view)
-        self.trex("diff", os.path.join(self.folder, "m.exr"), seen, "--metric", "rmse", "--max", "1e-3")
+        self.trex("diff", self.path("m.exr"), seen, "--metric", "rmse", "--max", "1e-3")
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--trex", required=True)
-    options, rest = parser.parse_known_args()
-    TREX = options.trex
-    unittest.main(argv=["pbrt_test", *rest])
+    program.main()

@@ -1,16 +1,12 @@
 #!/usr/bin/env python3
 """Tests of --point-size: what clouds of points cover, in closed form, of a file, in memory and from a streamed bundle; its errors."""
-import argparse, json, os, shutil, struct, subprocess, tempfile, unittest
+import json, struct
 
+import program
 from exr_file import exr_bytes, rgb
 
-TREX = None
 SIDE = 10  # points along a square of one metre
 SIZE = 0.05
-
-
-def run(*arguments):
-    return subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=300)
 
 
 def cloud(normals, text=False, points=None):
@@ -26,25 +22,10 @@ def cloud(normals, text=False, points=None):
     return head + b"".join(struct.pack(f"<{len(floats)}f3B", *r, 0, 0, 0) for r in rows)
 
 
-class Points(unittest.TestCase):
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="trex-points-")
-        self.addCleanup(shutil.rmtree, self.folder)
-
-    def write(self, name, data):
-        path = os.path.join(self.folder, name)
-        with open(path, "wb") as f:
-            f.write(data)
-        return path
-
-    def trex(self, *arguments, code=0):
-        p = run(*arguments)
-        self.assertEqual(p.returncode, code, p.stdout + p.stderr)
-        return p.stdout + p.stderr
-
+class Points(program.ProgramTest):
     def expect_cover(self, model, share, *options):
         """One pixel that sees the square in a sky of 1."""
-        picture, right = os.path.join(self.folder, "a.exr"), self.write("right.exr", exr_bytes(1, 1, rgb([(1 - share,) * 3])))
+        picture, right = self.path("a.exr"), self.write("right.exr", exr_bytes(1, 1, rgb([(1 - share,) * 3])))
         self.trex("render", model, "-o", picture, "--size", "1x1", "--spp", 4096, "--exact", 1, "--device", "none", "-q",
                   "--env", "1,1,1", "--camera", "0.5,0.5,100/0.5,0.5,0/0,1,0/0.57295302", *options)  # 2 atan(1 / 200)
         self.trex("diff", picture, right, "--metric", "rmse", "--max", 0.01)
@@ -52,7 +33,7 @@ class Points(unittest.TestCase):
     def test_what_they_cover(self):
         for normals, share in ((True, 100 * SIZE ** 2), (False, 50 * SIZE ** 2)):
             for text in (False, True):
-                model, bundle = self.write("a.ply", cloud(normals, text)), os.path.join(self.folder, "a.trex")
+                model, bundle = self.write("a.ply", cloud(normals, text)), self.path("a.trex")
                 self.expect_cover(model, share, "--point-size", SIZE)
                 if text:
                     continue
@@ -64,7 +45,7 @@ class Points(unittest.TestCase):
         self.expect_cover(self.write("a.ply", cloud(True)), 4 * share * 2, "--point-size", 2 * SIZE)
 
     def test_errors(self):
-        model, out = self.write("a.ply", cloud(False)), os.path.join(self.folder, "x.png")
+        model, out = self.write("a.ply", cloud(False)), self.path("x.png")
         self.assertIn("--point-size METRES shows them", self.trex("render", model, "-o", out, code=3))
         for bad in ("0", "-1", "nan", "inf", "x", "1e10", ""):
             self.trex("render", model, "-o", out, f"--point-size={bad}", code=2)
@@ -72,8 +53,8 @@ class Points(unittest.TestCase):
 
     def test_a_cloud_that_does_not_fit(self):
         points = [(i * 0.01, j * 0.01, 0) for i in range(600) for j in range(600)]
-        model, bundle = self.write("a.ply", cloud(False, points=points)), os.path.join(self.folder, "a.trex")
-        said = self.trex("render", model, "-o", os.path.join(self.folder, "x.png"), "--size", "8x8", "--max-memory", "90M",
+        model, bundle = self.write("a.ply", cloud(False, points=points)), self.path("a.trex")
+        said = self.trex("render", model, "-o", self.path("x.png"), "--size", "8x8", "--max-memory", "90M",
                          "--point-size", 0.01, code=4)
         self.assertIn("--stream", said)
         baked = json.loads(self.trex("bake", model, "-o", bundle, "--max-memory", "280M", "--point-size", 0.01, "--json", "-q"))
@@ -82,8 +63,4 @@ class Points(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--trex", required=True)
-    arguments, rest = parser.parse_known_args()
-    TREX = os.path.abspath(arguments.trex)
-    unittest.main(argv=[__file__, *rest], verbosity=1)
+    program.main()

@@ -1,11 +1,10 @@
 #!/usr/bin/env python3
 """Tests of materials whose textures read two sets of coordinates: pictures in closed form, of a file, of bundles and of a streamed
 bundle read page by page."""
-import argparse, json, math, os, shutil, struct, subprocess, tempfile, unittest, zlib
+import json, math, struct
 
-import exr_file
+import exr_file, program
 
-TREX = None
 SIDE = 8  # pixels; textures are of 2 x 2 texels, each a quarter of the picture
 IRRADIANCE = math.pi
 BASE = [(255, 0, 0), (0, 255, 0), (0, 0, 255), (255, 255, 255)]
@@ -15,19 +14,6 @@ LEANING = [(204, 128, 229), (128, 204, 229), (128, 128, 255), (52, 128, 229)]
 CORNERS = [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)]
 UPRIGHT = [(0, 1), (1, 1), (1, 0), (0, 0)]
 TURNED = [(0, 0), (0, 1), (1, 1), (1, 0)]  # u runs up the square, v to the right
-
-
-def run(*arguments):
-    return subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=300)
-
-
-def png(texels):
-    """2 x 2 texels of 3 or 4 channels."""
-    def chunk(name, data):
-        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-    rows = b"".join(b"\0" + bytes(texels[2 * y] + texels[2 * y + 1]) for y in range(2))
-    head = struct.pack(">2I5B", 2, 2, 8, 2 if len(texels[0]) == 3 else 6, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
 
 
 class Glb:
@@ -42,7 +28,7 @@ class Glb:
             attributes[f"TEXCOORD_{number}"] = self.accessor("<f", coordinates, 5126, "VEC2")
         indices = self.accessor("<H", [(0,), (1,), (2,), (0,), (2,), (3,)], 5123, "SCALAR")
         for texels in images:
-            self.tree["images"].append({"bufferView": self.view(png(texels)), "mimeType": "image/png"})
+            self.tree["images"].append({"bufferView": self.view(program.png(2, texels)), "mimeType": "image/png"})
             self.tree["textures"].append({"source": len(self.tree["textures"]), "sampler": 0})
         material.setdefault("extensions", {})["KHR_materials_specular"] = {"specularFactor": 0}
         half = [c / 2 for c in light]  # of the half way from +z to the light
@@ -93,29 +79,13 @@ def picture(pixel):
     return exr_file.rgb([pixel(2 * y // SIDE, 2 * x // SIDE) for y in range(SIDE) for x in range(SIDE)])
 
 
-class TwoSets(unittest.TestCase):
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="trex-sets-")
-        self.addCleanup(shutil.rmtree, self.folder)
-
-    def path(self, name, data=None):
-        path = os.path.join(self.folder, name)
-        if data is not None:
-            with open(path, "wb") as f:
-                f.write(data)
-        return path
-
-    def done(self, *arguments):
-        p = run(*arguments)
-        self.assertEqual(p.returncode, 0, p.stderr)
-        return p
-
+class TwoSets(program.ProgramTest):
     def assert_shows(self, model, wanted, lights, *options):
         """Without noise where there is one light; else it is chance which one a sample looks at."""
         samples, limit = (4, 2e-3) if lights == 1 else (128, 0.4)
-        self.done("render", model, "-o", self.path("got.exr"), "--size", f"{SIDE}x{SIDE}", "--spp", samples, "--exact", 1, "--device",
+        self.trex("render", model, "-o", self.path("got.exr"), "--size", f"{SIDE}x{SIDE}", "--spp", samples, "--exact", 1, "--device",
                   "none", "--threads", 1, "--env", "0,0,0", "-q", *options)
-        p = run("diff", self.path("got.exr"), self.path("wanted.exr", exr_file.exr_bytes(SIDE, SIDE, wanted)), "--json")
+        p = program.run("diff", self.path("got.exr"), self.write("wanted.exr", exr_file.exr_bytes(SIDE, SIDE, wanted)), "--json")
         differ = json.loads(p.stdout)
         self.assertLess(differ["max_error"], limit, model)
         self.assertLess(abs(differ["mean_ratio"] - 1), 0.02, model)
@@ -123,10 +93,10 @@ class TwoSets(unittest.TestCase):
     def assert_everywhere(self, glb, pixel, lights=1):
         """As it is, baked, and streamed."""
         wanted = picture(pixel)
-        model = self.path("model.glb", glb.bytes())
+        model = self.write("model.glb", glb.bytes())
         self.assert_shows(model, wanted, lights, "--strict")
         for name, options in (("whole.trex", ()), ("stream.trex", ("--stream",))):
-            self.done("bake", model, "-o", self.path(name), "-q", *options)
+            self.trex("bake", model, "-o", self.path(name), "-q", *options)
             self.assert_shows(self.path(name), wanted, lights, *(("--cache", "2000") if options else ()))
 
     def test_base_color_with_its_alpha_and_emission(self):
@@ -155,7 +125,7 @@ class TwoSets(unittest.TestCase):
                 cosine = sum(a * b for a, b in zip(normal, light)) / length
                 return [cosine * c / 255 for c in other(BASE, row, column)]
             if first == 0:
-                self.assert_shows(self.path("model.glb", glb.bytes()), picture(pixel), 1)
+                self.assert_shows(self.write("model.glb", glb.bytes()), picture(pixel), 1)
             else:
                 self.assert_everywhere(glb, pixel)
 
@@ -164,15 +134,11 @@ class TwoSets(unittest.TestCase):
                     "emissiveTexture": {"index": 0, "texCoord": 1}, "occlusionTexture": {"index": 0, "texCoord": 3},
                     "normalTexture": {"index": 0, "texCoord": 2}}
         odd = [(0, 0), (1, 0.1), (0.2, 1), (0.7, 0.3)]
-        model = self.path("model.glb", Glb(material, [BASE], {0: UPRIGHT, 1: TURNED, 2: odd, 3: odd}).bytes())
-        p = run("render", model, "-o", self.path("x.png"), "--strict")
+        model = self.write("model.glb", Glb(material, [BASE], {0: UPRIGHT, 1: TURNED, 2: odd, 3: odd}).bytes())
+        p = program.run("render", model, "-o", self.path("x.png"), "--strict")
         self.assertEqual(p.returncode, 3)
         self.assertIn("coordinate sets 2, 0 and 1; set 2 is used for 1", p.stderr)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--trex", required=True)
-    arguments, rest = parser.parse_known_args()
-    TREX = os.path.abspath(arguments.trex)
-    unittest.main(argv=[__file__, *rest], verbosity=1)
+    program.main()
