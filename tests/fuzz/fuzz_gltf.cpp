@@ -6,8 +6,9 @@
 
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   const auto path = trex::fuzz::writeInput("input.gltf", {data, size});
-  trex::fuzz::importAndCheck(path);
-  if (trex::fuzz::contains({data, size}, "animations")) trex::fuzz::importAndCheck(path, "0");
+  // Half of those that may move are posed: both ways read what comes before the pose alike.
+  const bool posed = size % 2 == 0 && trex::fuzz::contains({data, size}, "animations");
+  trex::fuzz::importAndCheck(path, posed ? "0" : "");
   return 0;
 }
 

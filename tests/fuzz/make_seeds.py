@@ -32,7 +32,7 @@ def plain():
 
 
 def attributes():
-    """All vertex attributes, a textured material with every extension, transforms."""
+    """All vertex attributes, and primitives of every mode."""
     data = struct.pack("<12f12f8f16B6I", *POSITIONS, *NORMALS, *UVS, *COLORS, *INDICES)
     tree, _ = plain()
     sizes = (48, 48, 32, 16, 24)
@@ -45,37 +45,74 @@ def attributes():
     tree["accessors"][3]["normalized"] = True
     names = ("POSITION", "NORMAL", "TEXCOORD_0", "COLOR_0")
     tree["meshes"] = [{"primitives": [
-        {"attributes": {name: i for i, name in enumerate(names)}, "indices": 4, "material": 0},
+        {"attributes": {name: i for i, name in enumerate(names)}, "indices": 4},
         {"attributes": {"POSITION": 0}, "mode": 5}, {"attributes": {"POSITION": 0}, "mode": 6}]}]
-    texture = {"index": 0, "texCoord": 0}
+    return tree, data
+
+
+def with_material(material, **more):
+    """A triangle with texture coordinates and a material, whose texture 0 has a broken image."""
+    tree, _ = plain()
+    data = struct.pack("<9f6f", *POSITIONS[:9], *UVS[:6])
+    tree["bufferViews"] = [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 24}]
+    tree["accessors"] = [{"bufferView": v, "componentType": 5126, "count": 3, "type": t}
+                         for v, t in enumerate(("VEC3", "VEC2"))]
+    tree["meshes"] = [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "material": 0}]}]
     tree["images"] = [{"uri": "data:image/png;base64,iVBORw0KGgo="}]
-    tree["samplers"] = [{"wrapS": 33071, "wrapT": 33648}]
-    tree["textures"] = [{"source": 0, "sampler": 0}]
-    tree["materials"] = [{
+    tree["textures"] = [{"source": 0}]
+    tree["materials"] = [material]
+    tree.update(more)
+    return tree, data
+
+
+def materials():
+    """A material's own fields, and each extension of materials."""
+    texture = {"index": 0, "texCoord": 0}
+    yield with_material({
         "name": "m", "alphaMode": "MASK", "alphaCutoff": 0.3, "doubleSided": True,
         "emissiveFactor": [1, 0.5, 0], "emissiveTexture": texture,
-        "normalTexture": {"index": 0, "scale": 0.5},
+        "normalTexture": {"index": 0, "scale": 0.5}})
+    yield with_material({
         "pbrMetallicRoughness": {
             "baseColorFactor": [1, 0.5, 0.2, 1], "metallicFactor": 0.5, "roughnessFactor": 0.3,
             "metallicRoughnessTexture": texture,
             "baseColorTexture": {"index": 0, "extensions": {"KHR_texture_transform": {
-                "offset": [0.5, 0], "rotation": 1, "scale": [2, 2], "texCoord": 0}}}},
-        "extensions": {
-            "KHR_materials_emissive_strength": {"emissiveStrength": 9},
-            "KHR_materials_specular": {"specularFactor": 0.5, "specularColorFactor": [1, 1, 0]},
-            "KHR_materials_ior": {"ior": 1.3},
-            "KHR_materials_transmission": {"transmissionFactor": 0.5},
-            "KHR_materials_volume": {"thicknessFactor": 1, "attenuationDistance": 2,
-                                     "attenuationColor": [1, 0.5, 0]}}}]
+                "offset": [0.5, 0], "rotation": 1, "scale": [2, 2], "texCoord": 0}}}}},
+        samplers=[{"wrapS": 33071, "wrapT": 33648}], textures=[{"source": 0, "sampler": 0}])
+    yield with_material({"extensions": {
+        "KHR_materials_emissive_strength": {"emissiveStrength": 9},
+        "KHR_materials_specular": {"specularFactor": 0.5, "specularColorFactor": [1, 1, 0],
+                                   "specularTexture": texture, "specularColorTexture": texture},
+        "KHR_materials_ior": {"ior": 1.3},
+        "KHR_materials_transmission": {"transmissionFactor": 0.5, "transmissionTexture": texture},
+        "KHR_materials_volume": {"thicknessFactor": 1, "attenuationDistance": 2,
+                                 "attenuationColor": [1, 0.5, 0]}}})
+    yield with_material({"extensions": {
+        "KHR_materials_clearcoat": {"clearcoatFactor": 1, "clearcoatRoughnessFactor": 0.5,
+                                    "clearcoatTexture": texture, "clearcoatNormalTexture": texture},
+        "KHR_materials_sheen": {"sheenColorFactor": [1, 0, 0], "sheenRoughnessFactor": 0.5},
+        "KHR_materials_anisotropy": {"anisotropyStrength": 0.5, "anisotropyRotation": 1},
+        "KHR_materials_iridescence": {"iridescenceFactor": 1, "iridescenceIor": 1.3,
+                                      "iridescenceThicknessMaximum": 400}}})
+    yield with_material({"extensions": {"KHR_materials_pbrSpecularGlossiness": {
+        "diffuseFactor": [1, 1, 1, 1], "specularFactor": [1, 1, 1], "glossinessFactor": 0.5,
+        "diffuseTexture": texture, "specularGlossinessTexture": texture}}})
+    yield with_material({"alphaMode": "BLEND", "extensions": {"KHR_materials_unlit": {}}})
+
+
+def placed():
+    """Transforms, cameras and lights."""
+    tree, data = plain()
     tree["nodes"] = [
         {"children": [1, 2, 3, 4], "translation": [1, 2, 3], "rotation": [0, 0, 0.6, 0.8]},
         {"mesh": 0, "scale": [1, -2, 3]},
         {"mesh": 0, "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 5, 6, 7, 1]},
-        {"camera": 0}, {"camera": 1, "extensions": {"KHR_lights_punctual": {"light": 0}}}]
+        {"camera": 0, "extras": {"trex_volume": {"file": "none.vdb", "density": 2}}},
+        {"camera": 1, "extensions": {"KHR_lights_punctual": {"light": 0}}}]
     tree["cameras"] = [
         {"type": "perspective", "name": "c", "perspective": {"yfov": 0.7, "znear": 0.1}},
         {"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1, "znear": 0, "zfar": 9}}]
-    tree["extensionsUsed"] = ["KHR_lights_punctual", "KHR_texture_transform"]
+    tree["extensionsUsed"] = ["KHR_lights_punctual"]
     tree["extensions"] = {"KHR_lights_punctual": {"lights": [
         {"type": "spot", "intensity": 5, "color": [1, 1, 0], "range": 9,
          "spot": {"innerConeAngle": 0.1, "outerConeAngle": 0.5}},
@@ -221,26 +258,40 @@ def stl():
         "endloop\nendfacet\n" for f in facets) + "endsolid s\n").encode()
 
 
-def posed():
-    """A skin, a morph target, an animation, instances and variants."""
+def bent():
+    """A skin and a morph target."""
     data = struct.pack("<12f", *POSITIONS) + struct.pack("<16B", *[0] * 16) + struct.pack("<16f", *[1, 0, 0, 0] * 4)
-    data += struct.pack("<16f", *[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]) + struct.pack("<2f", 0, 1)
+    data += struct.pack("<16f", *[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1])
     tree, _ = plain()
-    views = ((0, 48), (48, 16), (64, 64), (128, 64), (192, 8))
+    views = ((0, 48), (48, 16), (64, 64), (128, 64))
     tree["bufferViews"] = [{"buffer": 0, "byteOffset": at, "byteLength": size} for at, size in views]
-    shapes = ((0, 5126, 4, "VEC3"), (1, 5121, 4, "VEC4"), (2, 5126, 4, "VEC4"), (3, 5126, 1, "MAT4"),
-              (4, 5126, 2, "SCALAR"), (0, 5126, 2, "VEC3"))
-    tree["accessors"] = [{"bufferView": v, "componentType": c, "count": n, "type": t} for v, c, n, t in shapes]
+    shapes = ((5126, 4, "VEC3"), (5121, 4, "VEC4"), (5126, 4, "VEC4"), (5126, 1, "MAT4"))
+    tree["accessors"] = [{"bufferView": v, "componentType": c, "count": n, "type": t}
+                         for v, (c, n, t) in enumerate(shapes)]
     tree["meshes"] = [{"weights": [0.5], "primitives": [{
-        "attributes": {"POSITION": 0, "JOINTS_0": 1, "WEIGHTS_0": 2}, "targets": [{"POSITION": 0}],
+        "attributes": {"POSITION": 0, "JOINTS_0": 1, "WEIGHTS_0": 2}, "targets": [{"POSITION": 0}]}]}]
+    tree["skins"] = [{"joints": [1], "inverseBindMatrices": 3}]
+    tree["nodes"] = [{"mesh": 0, "skin": 0}, {"translation": [1, 2, 3], "rotation": [0, 0, 0, 1]}]
+    tree["scenes"] = [{"nodes": [0, 1]}]
+    return tree, data
+
+
+def moved():
+    """An animation of a node and of weights, instances and variants."""
+    data = struct.pack("<9f2f", *POSITIONS[:9], 0, 1)
+    tree, _ = plain()
+    tree["bufferViews"] = [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 8}]
+    tree["accessors"] = [{"bufferView": v, "componentType": 5126, "count": n, "type": t}
+                         for v, n, t in ((0, 3, "VEC3"), (1, 2, "SCALAR"))]
+    tree["meshes"] = [{"primitives": [{
+        "attributes": {"POSITION": 0}, "targets": [{"POSITION": 0}],
         "extensions": {"KHR_materials_variants": {"mappings": [{"material": 0, "variants": [0]}]}}}]}]
     tree["materials"] = [{}]
-    tree["skins"] = [{"joints": [1], "inverseBindMatrices": 3}]
-    tree["nodes"] = [{"mesh": 0, "skin": 0}, {"translation": [1, 2, 3], "rotation": [0, 0, 0, 1]},
-                     {"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 0}}}}]
-    tree["scenes"] = [{"nodes": [0, 1, 2]}]
-    tree["animations"] = [{"samplers": [{"input": 4, "output": 5, "interpolation": "LINEAR"}],
-                           "channels": [{"sampler": 0, "target": {"node": 1, "path": "translation"}}]}]
+    tree["nodes"] = [{"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 0}}}}]
+    tree["animations"] = [{
+        "samplers": [{"input": 1, "output": 0, "interpolation": "LINEAR"}, {"input": 1, "output": 1}],
+        "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}},
+                     {"sampler": 1, "target": {"node": 0, "path": "weights"}}]}]
     tree["extensions"] = {"KHR_materials_variants": {"variants": [{"name": "v"}]}}
     tree["extensionsUsed"] = ["EXT_mesh_gpu_instancing", "KHR_materials_variants"]
     return tree, data
@@ -288,9 +339,10 @@ def mitsuba():
 
 
 def main(folder):
-    models = [plain(), attributes(), sparse(), posed(), compressed()]
+    handed = [plain(), attributes(), sparse(), placed(), *materials()]
+    models = [*handed, bent(), moved(), compressed()]
     seeds = {"gltf": [gltf(*m) for m in models], "glb": [glb(*m) for m in models],
-             "assimp": [handed_over(*m) for m in models[:3]], "ply": list(ply()), "obj": OBJ, "stl": list(stl()),
+             "assimp": [handed_over(*m) for m in handed], "ply": list(ply()), "obj": OBJ, "stl": list(stl()),
              "pbrt": PBRT, "mitsuba": list(mitsuba())}
     for name, inputs in seeds.items():
         os.makedirs(os.path.join(folder, name), exist_ok=True)
