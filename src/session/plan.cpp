@@ -12,11 +12,13 @@ constexpr std::uint32_t kPreviewSamples = 64;  // no preview lives that long
 constexpr std::uint32_t kCoarseCells = 16;     // every fourth pixel, a picture to go on with
 constexpr std::uint32_t kPreviewTurns = 3;
 
-/// First the coarse picture; then every third piece of work, so that the preview goes on while
-/// photons are shot.
+/// First a picture to go on with; then every third piece of work, so that the preview goes on while
+/// photons are shot. Exact previews are dear, so there the coarsest picture is enough: else a
+/// camera that keeps moving would never see any light.
 bool previewDue(const SessionState& s) {
   if (!s.interactive || s.previewSamples >= kPreviewSamples) return false;
-  return s.previewCells < kCoarseCells || s.light == State::kAwaited || s.turn % kPreviewTurns == 0;
+  const std::uint32_t cells = s.lightOfBefore ? kCoarseCells : 1;
+  return s.previewCells < cells || s.light == State::kAwaited || s.turn % kPreviewTurns == 0;
 }
 
 /// First sample after those that are there for which more photons are shot.

@@ -78,6 +78,7 @@ SessionState Session::state() const {
   s.turn = turn_;
   s.interactive = preview_ != nullptr;
   if (!preview_) return s;
+  s.lightOfBefore = light_.hasLight();
   s.previewCells = preview_->tiles.coarseCells();
   s.previewSamples = preview_->tiles.samplesDone();
   return s;

@@ -25,7 +25,7 @@ SessionState capture(State light) {
 /// With its coarse preview shown, at a turn that is not the preview's.
 SessionState viewer(State light) {
   SessionState s = capture(light);
-  s.guesses = s.interactive = true;
+  s.guesses = s.interactive = s.lightOfBefore = true;
   s.previewCells = 16;
   s.turn = 1;
   return s;
@@ -82,6 +82,16 @@ TEST(Plan, ACoarsePreviewComesBeforeTheLight) {
   EXPECT_EQ(kindOf(viewer(State::kDevice)), Kind::kLight);
   EXPECT_EQ(kindOf(viewer(State::kPhotons)), Kind::kLight);
   EXPECT_EQ(kindOf(viewer(State::kShooting)), Kind::kPhotons);
+}
+
+/// Else a camera that moves every few steps would never see it: each move begins a new preview.
+TEST(Plan, TheFirstLightWaitsForTheCoarsestPictureAlone) {
+  SessionState s = viewer(State::kValues);
+  s.lightOfBefore = false;
+  s.previewCells = 0;
+  EXPECT_EQ(kindOf(s), Kind::kPreview);
+  s.previewCells = 1;
+  EXPECT_EQ(kindOf(s), Kind::kLight);
 }
 
 TEST(Plan, ThePreviewGoesOnWhilePhotonsAreShot) {
