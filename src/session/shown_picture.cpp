@@ -64,12 +64,12 @@ FeatureImage thinFeatures(const FeatureImage& all, std::uint32_t step, const Sou
   const std::uint32_t columns = (all.width() + step - 1) / step,
                       rows = (all.height() + step - 1) / step;
   FeatureImage out(columns, rows);
-  for (std::uint32_t y = 0; y < rows; ++y) {
+  tbb::parallel_for(0u, rows, [&](std::uint32_t y) {
     for (std::uint32_t x = 0; x < columns; ++x) {
       const auto [px, py] = source(x * step, y * step);
       out.copy(x, y, all, px, py, static_cast<float>(step));
     }
-  }
+  });
   return out;
 }
 

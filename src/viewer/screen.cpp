@@ -73,27 +73,36 @@ bool Screen::update(const Session& session, const Session* exact, const Look& lo
   return true;
 }
 
-/// Filtered lattices while the first sample is on its way, then the whole frame again and again.
-bool Screen::beauty(const Session& session, const std::function<bool()>& keepGoing) {
+void Screen::prepare(const Session& session, const ViewState& state) {
+  if (state.mode == ViewMode::kBeauty && painted_.mode == state.mode) start(session);
+}
+
+/// Begins the next picture if none is under way and the frame has more to show.
+void Screen::start(const Session& session) {
+  if (job_) return;
   const FrameBuffers& frame = session.shownFrame();
   const double progress = progressOf(frame);
   std::uint32_t spacing = lattice::spacing(frame.tiles.coarseCells());
   // Where most tiles have more than every second pixel, all that there is is shown.
   if (spacing == 2 && progress >= kMixedFrom) spacing = 1;
-  if (!job_) {
-    if (spacing == 0 || (hold_ && spacing > 2)) return false;
-    const bool finer = spacing_ == 0 || spacing < spacing_;
-    const bool more = spacing == 1 && progress > progress_ * kRefreshGrowth;
-    const bool last = spacing == 1 && progress != progress_ && session.resting();
-    const bool plain = spacing == 1 && progress != progress_ && !session.shownOptions().denoise;
-    if (!finer && !more && !last && !plain) return false;
-    ShownOptions options = session.shownOptions();
-    options.spacing = spacing;
-    options.pairs &= !session.previewing();
-    job_.emplace(frame, session.frame().width(), session.frame().height(), options);
-    jobSpacing_ = spacing;
-    jobProgress_ = progress;
-  }
+  if (spacing == 0 || (hold_ && spacing > 2)) return;
+  const bool finer = spacing_ == 0 || spacing < spacing_;
+  const bool more = spacing == 1 && progress > progress_ * kRefreshGrowth;
+  const bool last = spacing == 1 && progress != progress_ && session.resting();
+  const bool plain = spacing == 1 && progress != progress_ && !session.shownOptions().denoise;
+  if (!finer && !more && !last && !plain) return;
+  ShownOptions options = session.shownOptions();
+  options.spacing = spacing;
+  options.pairs &= !session.previewing();
+  job_.emplace(frame, session.frame().width(), session.frame().height(), options);
+  jobSpacing_ = spacing;
+  jobProgress_ = progress;
+}
+
+/// Filtered lattices while the first sample is on its way, then the whole frame again and again.
+bool Screen::beauty(const Session& session, const std::function<bool()>& keepGoing) {
+  start(session);
+  if (!job_) return false;
   // The first picture of a change is finished in any case: it is small.
   const bool first = !shown_;
   if (!job_->advance([&] { return first || keepGoing(); })) return false;

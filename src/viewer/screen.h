@@ -14,6 +14,9 @@ class Screen {
   /// The frame begins anew: what is shown next is of another generation. `hold`: keep the picture
   /// until the new one has every second pixel (the light has come); else show the coarsest at once.
   void restart(bool hold);
+  /// Takes over the frame as it is, if the next picture of it is due. Before samples are taken, so
+  /// that they get what this leaves of a step: milliseconds, in one piece.
+  void prepare(const Session& session, const ViewState& state);
   /// Works until the screen is up to date or keepGoing() says no. True if the picture has changed.
   /// `exact`: the session of the right half, or null.
   bool update(const Session& session, const Session* exact, const Look& look,
@@ -30,6 +33,7 @@ class Screen {
   bool filtering() const { return job_.has_value(); }
 
  private:
+  void start(const Session& session);
   bool beauty(const Session& session, const std::function<bool()>& keepGoing);
   bool values(const Session& session, const ViewState& state);
   bool inspect(const Session& session, const ViewState& state,

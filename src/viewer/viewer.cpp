@@ -285,6 +285,7 @@ void Viewer::Impl::work(double deadline, StepReport& report) {
     aimAt = 0.0;
     if (session->aimAgain()) restartFrame(true);
   }
+  screen.prepare(*session, state);
   const bool pausedNow = state.paused && screen.showsGeneration();
   // What the screen needs is kept free; the first picture of a change is worth more than samples.
   const bool fresh = !screen.showsGeneration();
