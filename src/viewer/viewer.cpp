@@ -315,7 +315,8 @@ void Viewer::Impl::work(double deadline, StepReport& report) {
     const double taken = std::min(secondsNow() - mark, 0.02);
     screenSeconds += 0.25 * (taken - screenSeconds);
   }
-  if (!exposureSet && screen.spacing() == 1 && !session->previewing()) setExposure();
+  const bool whole = state.mode == ViewMode::kBeauty && screen.spacing() == 1;
+  if (!exposureSet && whole && !session->previewing()) setExposure();
 }
 
 StepReport::Kind Viewer::Impl::kindOf(const std::optional<Work>& work, bool fresh) const {
@@ -333,12 +334,11 @@ StepReport::Kind Viewer::Impl::kindOf(const std::optional<Work>& work, bool fres
   return fresh ? Kind::kCoarse : Kind::kRefine;
 }
 
-/// The first whole frame sets the exposure, unless someone has.
+/// The first whole picture sets the exposure, unless someone has.
 void Viewer::Impl::setExposure() {
   exposureSet = true;
-  Picture picture = session->picture();
   Look look = history->current();
-  look.exposure = std::round(autoExposure(picture) * 10.0f) / 10.0f;
+  look.exposure = std::round(suitableExposure() * 10.0f) / 10.0f;
   history->set(look, false, "exposure");
   shownLook.exposure = look.exposure;
 }

@@ -124,15 +124,18 @@ double Viewer::Impl::measureSplit() const {
   return std::max(0.0, sum / count);
 }
 
-float Viewer::suitableExposure() const {
+float Viewer::suitableExposure() const { return impl_->suitableExposure(); }
+
+/// Of the picture on the screen.
+float Viewer::Impl::suitableExposure() const {
   Picture picture;
-  picture.width = screen().width;
-  picture.height = screen().height;
+  picture.width = screen.image().width;
+  picture.height = screen.image().height;
   picture.channels = {"R", "G", "B"};
-  for (const vec3& v : impl_->screen.linear()) {
+  for (const vec3& v : screen.linear()) {
     picture.values.insert(picture.values.end(), {v.x, v.y, v.z});
   }
-  return picture.values.empty() ? look().exposure : autoExposure(picture);
+  return picture.values.empty() ? history->current().exposure : autoExposure(picture);
 }
 
 void Viewer::savePicture(const fs::path& path) {

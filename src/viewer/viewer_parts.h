@@ -97,6 +97,7 @@ struct Viewer::Impl {
   void work(double deadline, StepReport& report);
   StepReport::Kind kindOf(const std::optional<Work>& work, bool fresh) const;
   void setExposure();
+  float suitableExposure() const;
   void startExact();
   bool leaveDevice(const Error& e);
   void probe();
