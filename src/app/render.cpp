@@ -25,6 +25,7 @@
 #include "src/scene/look_file.h"
 #include "src/session/model_editor.h"
 #include "src/session/preflight.h"
+#include "src/vulkan/vulkan.h"
 
 namespace trex {
 namespace {
@@ -93,6 +94,7 @@ int render(RenderArguments& a) {
   ModelOptions built;
   double importSeconds = 0.0;
   std::jthread imagesOpening;
+  std::optional<vulkan::DriversAhead> drivers;
   open.prepare = [&](const Scene& scene, ModelOptions& model) {
     if (needsImageLibrary(a.output)) imagesOpening = openImageLibraryBehind();
     if (!a.edits.empty()) look = readEdits(a, scene, model);
@@ -112,6 +114,8 @@ int render(RenderArguments& a) {
     model.cacheBytes = cacheFor(a, model.paged, fit);
     built = model;
     catchInterrupts();
+    const bool device = model.voxels && a.settings.device != RenderSettings::kNoDevice;
+    if (device) drivers.emplace();
   };
   auto model = std::make_shared<Model>(openModel(a.input, open));
   if (look) applyLook(model, *look, built);

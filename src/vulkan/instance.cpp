@@ -99,6 +99,14 @@ VkInstance createInstance(bool validation) {
 
 std::uint64_t validationMessages() { return messageCount.load(); }
 
+DriversAhead::DriversAhead()
+    : loading_([this] {
+        try {
+          instance_ = Instance::get();
+        } catch (const Error&) {  // the Device will tell
+        }
+      }) {}
+
 std::shared_ptr<Instance> Instance::get() {
   static std::mutex mutex;
   static std::weak_ptr<Instance> shared;

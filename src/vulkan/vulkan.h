@@ -24,6 +24,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <thread>
 #include <vector>
 
 namespace trex::vulkan {
@@ -69,6 +70,22 @@ struct DeviceOptions {
 /// Seconds spent on starting, for reports.
 struct StartTimes {
   double instance = 0.0, device = 0.0, kernels = 0.0;
+};
+
+class Instance;
+
+/// Loads the drivers in a thread of its own from now on, which takes a tenth of a second, so that
+/// the first Device need not wait. What fails is left for the Device to tell. The end waits for the
+/// thread, and keeps the drivers until then.
+class DriversAhead {
+ public:
+  DriversAhead();
+  DriversAhead(const DriversAhead&) = delete;
+  DriversAhead& operator=(const DriversAhead&) = delete;
+
+ private:
+  std::shared_ptr<Instance> instance_;
+  std::jthread loading_;  // ends before what it writes to
 };
 
 class Device {
