@@ -12,25 +12,17 @@
 namespace trex::detail {
 namespace {
 
-const std::set<std::string> kSupported = {"KHR_lights_punctual",
-                                          "KHR_materials_emissive_strength",
-                                          "KHR_materials_specular",
-                                          "KHR_materials_ior",
-                                          "KHR_materials_transmission",
-                                          "KHR_materials_volume",
-                                          "KHR_materials_unlit",
-                                          "KHR_texture_transform",
-                                          "KHR_mesh_quantization",
-                                          "EXT_texture_webp",
-                                          "EXT_mesh_gpu_instancing",
-                                          "EXT_meshopt_compression",
-                                          "KHR_materials_variants",
-                                          "KHR_materials_clearcoat",
-                                          "KHR_materials_sheen",
-                                          "KHR_materials_anisotropy",
-                                          "KHR_materials_iridescence",
-                                          "KHR_draco_mesh_compression",
-                                          "KHR_materials_pbrSpecularGlossiness"};
+const std::set<std::string> kSupported = {
+    "KHR_lights_punctual",        "KHR_materials_emissive_strength",
+    "KHR_materials_specular",     "KHR_materials_ior",
+    "KHR_materials_transmission", "KHR_materials_volume",
+    "KHR_materials_unlit",        "KHR_texture_transform",
+    "KHR_mesh_quantization",      "EXT_texture_webp",
+    "EXT_mesh_gpu_instancing",    "KHR_node_visibility",
+    "EXT_meshopt_compression",    "KHR_materials_variants",
+    "KHR_materials_clearcoat",    "KHR_materials_sheen",
+    "KHR_materials_anisotropy",   "KHR_materials_iridescence",
+    "KHR_draco_mesh_compression", "KHR_materials_pbrSpecularGlossiness"};
 
 /// Extensions without which the geometry is what it is: how a surface looks, and what is no part of
 /// a picture.
@@ -113,6 +105,7 @@ class NodeReader {
         meshes_(context, materials_),
         pose_(context),
         visited_(context.model.nodes.size()),
+        hidden_(context.model.nodes.size()),
         world_(context.model.nodes.size(), dmat4(1.0)) {}
 
   void read() {
@@ -180,6 +173,7 @@ class NodeReader {
       open.pop_back();
       if (!visit(index)) continue;
       const tinygltf::Node& node = context_.model.nodes[index];
+      hidden_[index] = hidden_[index] || saysHidden(node);
       const dmat4 world = parent * pose_.local(index);
       if (!isFiniteMatrix(world)) {
         context_.replace("node {} ('{}'): its transform is not finite; it is left out", index,
@@ -189,10 +183,18 @@ class NodeReader {
       world_[index] = world;
       order.push_back(index);
       for (auto it = node.children.rbegin(); it != node.children.rend(); ++it) {
+        if (hidden_[index] && std::size_t(*it) < hidden_.size()) hidden_[*it] = true;
         open.emplace_back(*it, world);
       }
     }
     return order;
+  }
+
+  static bool saysHidden(const tinygltf::Node& node) {
+    const auto found = node.extensions.find("KHR_node_visibility");
+    if (found == node.extensions.end() || !found->second.IsObject()) return false;
+    const tinygltf::Value& visible = found->second.Get("visible");
+    return visible.IsBool() && !visible.Get<bool>();
   }
 
   /// Whether a node is there and was not shown before.
@@ -211,8 +213,9 @@ class NodeReader {
   }
 
   void readNode(const tinygltf::Node& node, int index, const dmat4& world) {
-    if (node.mesh >= 0) readMesh(node, index, world);
     if (node.camera >= 0) context_.attempt(kLeftOut, [&] { readCamera(node, world); });
+    if (hidden_[index]) return;
+    if (node.mesh >= 0) readMesh(node, index, world);
     if (node.extras.IsObject() && node.extras.Has("trex_volume")) {
       context_.attempt(kLeftOut, [&] { readVolume(node.extras.Get("trex_volume"), index, world); });
     }
@@ -430,7 +433,7 @@ class NodeReader {
   GltfMaterials materials_;
   GltfMeshes meshes_;
   GltfPose pose_;
-  std::vector<bool> visited_;
+  std::vector<bool> visited_, hidden_;
   std::vector<dmat4> world_;  ///< from each node of the scene
 };
 

@@ -317,7 +317,8 @@ class MtlReader {
     for (std::string_view peek = after; count < 3; after = peek) {
       double value = 0.0;
       const std::string_view word = nextWord(peek);
-      if (word == "on" || word == "off" || option == "-imfchan" || option == "-type") {
+      if (word == "on" || word == "off" || option == "-imfchan" || option == "-type" ||
+          option == "-colorspace") {
         if (option == "-clamp" && word == "on") made.wrapS = made.wrapT = Texture::Wrap::kClamp;
         after = peek;
         break;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 
 #include "src/scene/mtl.h"
 #include "src/scene/texture_file.h"
@@ -57,6 +58,8 @@ void ObjReader::readStatement(std::string_view keyword, std::string_view line) {
     readNormal(line);
   } else if (keyword == "vt") {
     readTexCoord(line);
+  } else if (keyword == Statements::kPolypaint) {
+    readPolypaint(line);
   } else if (options_.geometryOnly) {
     return;
   } else if (keyword == "usemtl") {
@@ -103,12 +106,45 @@ void ObjReader::readPosition(std::string_view line) {
     extra[count++] = static_cast<float>(number(w));
   }
   if (count < 3) return;  // none, or a weight
-  const auto channel = [&](std::size_t i) {
-    return decodeSrgb(std::clamp(extra[i + (count == 4)], 0.0f, 1.0f));
+  const std::size_t first = count == 4;
+  addColor({extra[first], extra[first + 1], extra[first + 2]});
+}
+
+/// Of the last vertex, from 0 to 1 or, in a file of scanners' programs, to 255.
+void ObjReader::addColor(const vec3& color) {
+  if (colors_.empty()) firstColor_ = positions_.size() - 1;
+  const auto packed = [](const vec3& c) {
+    const vec3 in = glm::clamp(c, vec3(0.0f), vec3(1.0f));
+    return packVertexColor({decodeSrgb(in.x), decodeSrgb(in.y), decodeSrgb(in.z), 1.0f});
   };
   // Vertices before the first coloured one are white.
   colors_.fill(positions_.size() - 1, glm::u8vec4(255));
-  colors_.push_back(packVertexColor({channel(0), channel(1), channel(2), 1.0f}));
+  if (colorRange_ == 1.0f && maxComponent(color) >= 2.0f) {
+    colorRange_ = 255.0f;
+    scene_.warnings.push_back(where() + ": colours of vertices are taken as of 0 to 255");
+    for (std::size_t i = firstColor_; i < colors_.size(); ++i) {
+      const vec3 c(unpackVertexColor(colors_[i]));
+      colors_[i] = packed(vec3(encodeSrgb(c.x), encodeSrgb(c.y), encodeSrgb(c.z)) / colorRange_);
+    }
+  }
+  colors_.push_back(packed(color / colorRange_));
+}
+
+/// ZBrush's comments of colours: for each vertex eight digits of mask, red, green and blue.
+void ObjReader::readPolypaint(std::string_view line) {
+  constexpr std::size_t kDigits = 8;
+  for (; line.size() >= kDigits; line.remove_prefix(kDigits)) {
+    std::uint32_t value = 0;
+    const char* end = line.data() + kDigits;
+    if (std::from_chars(line.data(), end, value, 16).ptr != end) break;
+    if (painted_ >= positions_.size()) break;
+    const auto channel = [&](int shift) {
+      return decodeSrgb(static_cast<float>(value >> shift & 255u) / 255.0f);
+    };
+    colors_.fill(painted_ + 1, glm::u8vec4(255));
+    colors_[painted_++] = packVertexColor({channel(16), channel(8), channel(0), 1.0f});
+  }
+  if (!line.empty()) replace("colours that are of no vertex or no colours are left out");
 }
 
 void ObjReader::readNormal(std::string_view line) {

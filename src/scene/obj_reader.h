@@ -79,6 +79,8 @@ class ObjReader {
   void readStatement(std::string_view keyword, std::string_view line);
   double number(std::string_view word);
   void readPosition(std::string_view line);
+  void addColor(const vec3& color);
+  void readPolypaint(std::string_view line);
   void readNormal(std::string_view line);
   void readTexCoord(std::string_view line);
   void beginObject(std::string_view name);
@@ -105,6 +107,8 @@ class ObjReader {
   int object_ = kNone, material_ = 0;
   std::int32_t smoothing_ = 0, ownNormals_ = 0;
   bool objectsNamed_ = false, facesSeen_ = false;
+  std::size_t firstColor_ = 0, painted_ = 0;  ///< vertex of the first colour; those of ZBrush
+  float colorRange_ = 1.0f;
   GrowingArray<WaitingFace> waiting_;
   GrowingArray<ObjCorner> waitingCorners_;
   // Of the face under way.

@@ -46,8 +46,9 @@ bool Statements::next(std::string_view& keyword, std::string_view& arguments) {
   std::string_view line;
   while (input_.readLine(line)) {
     const std::string_view word = nextWord(line);
-    if (word.empty() || word.front() == '#') continue;
+    if (word.empty()) continue;
     lowerCase(word, keyword_);
+    if (word.front() == '#' && keyword_ != kPolypaint) continue;
     keyword = keyword_;
     if (takesName(keyword_)) {
       arguments = trimmed(line);

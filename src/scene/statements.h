@@ -15,6 +15,9 @@ namespace trex::detail {
 /// in them, so a statement of a name keeps all of its line and is never continued.
 class Statements {
  public:
+  /// The one comment that is a statement: ZBrush writes colours in it.
+  static constexpr std::string_view kPolypaint = "#mrgb";
+
   explicit Statements(const std::filesystem::path& path) : input_(path) {}
 
   /// The next statement: its keyword in lower case, and its arguments without blanks at both ends.

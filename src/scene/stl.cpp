@@ -36,14 +36,18 @@ class StlReader {
     }
     if (kind_.triangles > kMaxElements) fail(ExitCode::kInput, "{}: too large", input_.name());
     mesh_.triangles.reserve(kind_.triangles);
+    std::uint64_t attributed = 0;
     for (std::uint64_t i = 0; i < kind_.triangles; ++i) {
       std::array<float, 9> corners;
-      std::memcpy(corners.data(), input_.take(kStlTriangle) + 12, sizeof(corners));
+      const auto* facet = input_.take(kStlTriangle);
+      std::memcpy(corners.data(), facet + 12, sizeof(corners));
+      attributed += hasAttributes(facet);
       for (int k = 0; k < 3; ++k) {
         add({corners[3 * k], corners[3 * k + 1], corners[3 * k + 2]});
       }
       endFacet();
     }
+    tellAttributes(scene_, input_.name(), attributed);
     if (kind_.said != kind_.triangles) {
       scene_.replaced.add(
           fmt::format("{}: its header says {} triangles, it has room for {}; those are shown",
@@ -165,6 +169,13 @@ StlKind kindOfStl(const std::filesystem::path& path) {
   kind.triangles = said < room ? said : room;
   if (said == 0) kind.triangles = room;
   return kind;
+}
+
+void tellAttributes(Scene& scene, const std::string& file, std::uint64_t facets) {
+  if (facets == 0) return;
+  scene.warnings.push_back(
+      fmt::format("{}: attributes of {} facets are not shown (some programs keep colours there)",
+                  file, facets));
 }
 
 Scene readStl(const std::filesystem::path& path, const ImportOptions& options) {

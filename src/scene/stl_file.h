@@ -10,7 +10,8 @@
 namespace trex::detail {
 
 /// Bytes of a binary file: 80 of text and the count (u32), then for each triangle its normal and
-/// three corners (3 f32 each, little endian) and 2 of attributes, which are not read.
+/// three corners (3 f32 each, little endian) and 2 of attributes. Some programs keep colours in
+/// these, in ways that differ; they are not shown.
 inline constexpr std::size_t kStlHeader = 84, kStlTriangle = 50;
 
 struct StlKind {
@@ -21,5 +22,13 @@ struct StlKind {
 
 /// Looks at the first bytes and the size. Throws Error(kInput) if the file can't be read.
 StlKind kindOfStl(const std::filesystem::path& path);
+
+template <typename Byte>
+bool hasAttributes(const Byte* facet) {
+  return facet[kStlTriangle - 2] != Byte{0} || facet[kStlTriangle - 1] != Byte{0};
+}
+
+/// Warns of facets with attributes, if there are any.
+void tellAttributes(Scene& scene, const std::string& file, std::uint64_t facets);
 
 }  // namespace trex::detail

@@ -21,6 +21,7 @@ class StlStream : public TriangleStream {
       fail(ExitCode::kInput, "{}: the file ends early", scene_.source);
     }
     measure();
+    tellAttributes(scene_, scene_.source, attributed_);
     scene_.materials.push_back(defaultMaterial());
     scene_.objects.push_back(path.stem().string());
     scene_.meshes.emplace_back().name = scene_.objects[0];
@@ -68,13 +69,14 @@ class StlStream : public TriangleStream {
         const dvec3 p = corner(t, k);
         if (isFinite(vec3(p))) bounds_.extend(p);
       }
+      attributed_ += hasAttributes(map_.data() + kStlHeader + kStlTriangle * t);
       if (t % (std::uint64_t{1} << 20) == 0) map_.forget();
     }
     map_.forget();
   }
 
   MappedFile map_;
-  std::uint64_t triangles_ = 0;
+  std::uint64_t triangles_ = 0, attributed_ = 0;
   ImportOptions options_;
   Placement placed_;
   Scene scene_;

@@ -105,7 +105,7 @@ def placed():
     tree, data = plain()
     tree["nodes"] = [
         {"children": [1, 2, 3, 4], "translation": [1, 2, 3], "rotation": [0, 0, 0.6, 0.8]},
-        {"mesh": 0, "scale": [1, -2, 3]},
+        {"mesh": 0, "scale": [1, -2, 3], "extensions": {"KHR_node_visibility": {"visible": False}}},
         {"mesh": 0, "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 5, 6, 7, 1]},
         {"camera": 0, "extras": {"trex_volume": {"file": "none.vdb", "density": 2}}},
         {"camera": 1, "extensions": {"KHR_lights_punctual": {"light": 0}}}]
@@ -184,6 +184,7 @@ def ply():
 OBJ = [b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
        b"# c\no thing\ng a b\nv 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1 1 0 0 0 1\nv 0 1 0 1 1 1\nvt 0 0\nvt 1 1 0\n"
        b"vn 0 0 1\ns 1\nf -4/1/1 -3/2/1 -2/1/1 -1/2/1\nf 1//1 2//1 3//1\nf 1/1 2/2 \\\n3/1\n",
+       b"v 0 0 0 9 0 0\nv 1 0 0\nv 0 1 0\n#MRGB ff00ff00ff0000ff\nf 1 2 3\n",
        b"mtllib input.mtl\nusemtl red\nv 0 0 0\nv 1e3 0 0\nv 0 1e-3 0\nf 1 2 3\nusemtl glass\nf 3 2 1\nl 1 2\np 1\n"
        b"#mtl\nnewmtl red\nKd 1 0 0\nKe 2 2 2\nKs 0.5 0.5 0.5\nNs 50\nmap_Kd -s 1 1 1 -o 0.5 0 0 a.png\n"
        b"newmtl glass\nNi 1.5\nd 0.5\nTr 0.5\nillum 7\nPr 0.2\nPm 1\nmap_Ke b.png\nmap_d a.png\nbump -bm 0.5 n.png\n"]

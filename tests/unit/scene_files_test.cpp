@@ -146,6 +146,32 @@ TEST_F(SceneObj, PolygonsNegativeIndicesGroupsAndMaterials) {
   EXPECT_FALSE(s.environment.present());
 }
 
+TEST_F(SceneObj, PolypaintOfZBrush) {
+  const std::string text =
+      "v 0 0 0\nv 1 0 0\n# as ZBrush writes it\n#MRGB ffff0000ff00ff00\nv 0 1 0\nv 1 1 0\n"
+      "#MRGB 000000ff\nf 1 2 3\nf 2 4 3\n";
+  const Scene s = import("a.obj", text);
+  const auto& colors = s.meshes[0].colors;
+  ASSERT_EQ(colors.size(), 4u);
+  EXPECT_EQ(colors[0], glm::u8vec4(255, 0, 0, 255));
+  EXPECT_EQ(colors[1], glm::u8vec4(0, 255, 0, 255));
+  EXPECT_EQ(colors[2], glm::u8vec4(0, 0, 255, 255));
+  EXPECT_EQ(colors[3], glm::u8vec4(255));
+  EXPECT_EQ(s.replaced.count, 0u);
+  EXPECT_EQ(import("b.obj", text + "#MRGB ffff0000ffff0000\n#MRGB 12x\n").replaced.count, 2u);
+}
+
+TEST_F(SceneObj, ColoursOfScannersGoTo255) {
+  const auto colors = [&](const std::string& name, const char* first, const char* second) {
+    return import(name, fmt::format("v 0 0 0\nv 1 0 0 {}\nv 0 1 0 {}\nf 1 2 3\n", first, second))
+        .meshes[0]
+        .colors;
+  };
+  EXPECT_EQ(colors("a.obj", "1 0 0", "128 255 51"),
+            colors("b.obj", "0.0039215687 0 0", "0.5019608 1 0.2"));
+  EXPECT_EQ(colors("c.obj", "1 0 0", "1.2 0 0")[1], glm::u8vec4(255, 0, 0, 255));
+}
+
 TEST_F(SceneObj, LibrariesNamedForEachObjectAreReadOnce) {
   write("a.mtl", "newmtl red\nKd 0.5 0 0\n");
   std::string text = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
@@ -170,7 +196,7 @@ TEST_F(SceneObj, VertexColoursAndMissingLibrary) {
 
 TEST_F(SceneObj, TextureFromTheLibrary) {
   write("wood.png", tinyPng());
-  write("a.mtl", "newmtl m\nmap_Kd -s 2 2 2 wood.png\n");
+  write("a.mtl", "newmtl m\nmap_Kd -s 2 2 2 -colorspace sRGB wood.png\n");
   const Scene s = import("a.obj",
                          "mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\n"
                          "vt 0 1\nf 1/1 2/2 3/3\n");

@@ -49,6 +49,27 @@ void expectBox(const Scene& s, const dvec3& lower, const dvec3& upper, const cha
   }
 }
 
+TEST_F(SceneGltfMore, HiddenNodesAndWhatIsBelowThem) {
+  GlbBuilder b = squareGlb();
+  const auto seen = [](bool visible) {
+    return json{{"KHR_node_visibility", {{"visible", visible}}}};
+  };
+  b.doc["nodes"] = {{{"mesh", 0}, {"extensions", seen(true)}},
+                    {{"children", {2, 3}}, {"translation", {0, 0, 5}}, {"extensions", seen(false)}},
+                    {{"mesh", 0}, {"extensions", seen(true)}},
+                    {{"camera", 0}, {"extensions", {{"KHR_lights_punctual", {{"light", 0}}}}}}};
+  b.doc["scenes"] = {{{"nodes", {0, 1}}}};
+  b.doc["cameras"] = {{{"type", "perspective"}, {"perspective", {{"yfov", 1}, {"znear", 0.1}}}}};
+  b.doc["extensions"]["KHR_lights_punctual"]["lights"] = {{{"type", "point"}}};
+  b.doc["extensionsRequired"] = {"KHR_node_visibility"};
+  const Scene s = import("a.glb", b.glb());
+  EXPECT_EQ(s.instances.size(), 1u);
+  EXPECT_TRUE(s.lights.empty());
+  ASSERT_EQ(s.cameras.size(), 1u);
+  EXPECT_EQ(s.cameras[0].eye, dvec3(0, 0, 5));  // which nobody sees anyway
+  EXPECT_EQ(s.replaced.count, 0u);
+}
+
 TEST_F(SceneGltfMore, GpuInstances) {
   GlbBuilder b = squareGlb();
   const int t = b.floats({0, 0, 0, 10, 0, 0, 0, 0, 5});

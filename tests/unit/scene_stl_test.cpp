@@ -51,6 +51,15 @@ TEST_F(SceneStl, TextAndBinaryAreOneMesh) {
   }
 }
 
+TEST_F(SceneStl, ColoursInAttributesAreTold) {
+  std::string file = binary();
+  file[84 + 50 - 1] = '\x7c';
+  const Scene s = import("a.stl", file);
+  EXPECT_TRUE(anyWarning(s, "attributes of 1 facets"));
+  EXPECT_TRUE(anyWarning(openTriangleStream(s.source, {})->scene(), "attributes of 1 facets"));
+  EXPECT_FALSE(anyWarning(import("b.stl", binary()), "attributes"));
+}
+
 TEST_F(SceneStl, CountsThatLieAndFacetsThatAreCut) {
   for (const std::uint32_t said : {0u, 9u, 0xffffffffu}) {
     const Scene s = import("a.stl", binary(said));
