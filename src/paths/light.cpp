@@ -131,8 +131,8 @@ LightConnection PathTracer::connect(WavePath& path, const RayStart& start, const
 }
 
 /// Share of an emitter's light that falls to a path from a vertex, where light sampling may find it
-/// too. `density` as Path::density(), `left` where the ray left the vertex, `travelled` metres to
-/// it by `way`.
+/// too. `density` as PathState::density(), `left` where the ray left the vertex, `travelled` metres
+/// to it by `way`.
 float PathTracer::emitterWeight(float density, const RayStart& left, const LightPoint& vertex,
                                 const ClearPath& way, float travelled, const vec3& direction,
                                 const Surface& surface, const RayHit& hit) const {

@@ -1,7 +1,7 @@
 // Paths on their way through the stages. Private to src/paths.
 #pragma once
 
-#include <array>
+#include <algorithm>
 #include <optional>
 #include <vector>
 
