@@ -6,9 +6,9 @@
 //
 // What was written: with kAssimpRead binary glTF 2.0; asset.extras has lists of texts: `replaced`,
 // what is not shown as the file has it, `warnings`, and `files` besides FILE that were opened. Else
-// the reason, as a text. Materials whose maps of `roughness`, `metalness` or `opacity` are images of
-// their own have them in extras.trex_maps, as glTF's textureInfo; the first two come before their
-// factors, the last is multiplied by that of the colour.
+// the reason, as a text. Materials whose maps of `roughness`, `metalness` or `opacity` are images
+// of their own have them in extras.trex_maps, as glTF's textureInfo; the first two come before
+// their factors, the last is multiplied by that of the colour.
 #pragma once
 
 namespace trex {
