@@ -589,6 +589,7 @@ uint asvoConeLevel(float width) ASVO_READS {
 /// grid and be a leaf.
 void asvoConeTake(AsvoRay r, AsvoPlace place, float until, bool fine, bool lit,
                   ASVO_INOUT(AsvoMarch) m) ASVO_READS {
+  // NOLINTNEXTLINE(bugprone-branch-clone): the same where no page may be absent.
   uvec4 words = fine ? ASVO_CONE_FINE(place.voxel) : ASVO_CONE(place.voxel);
   vec3 n = vec3(ivec3(uvec3(words.y & 1023u, (words.y >> 10) & 1023u, words.y >> 20)));
   n = (n * (1.0f / 511.0f) - vec3(1.0f)) * r.turn;

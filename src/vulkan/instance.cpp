@@ -39,7 +39,8 @@ VkDebugUtilsMessengerCreateInfoEXT messengerInfo() {
 
 bool validationWanted() {
   const char* value = std::getenv("TREX_VALIDATION");
-  return value != nullptr && std::string_view(value) != "" && std::string_view(value) != "0";
+  const std::string_view text = value == nullptr ? "" : value;
+  return !text.empty() && text != "0";
 }
 
 void requireValidationLayer() {
