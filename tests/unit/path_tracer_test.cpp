@@ -37,14 +37,36 @@ TEST(PathTracer, ClosedFurnaceIsExact) {
   }
 }
 
+/// A furnace with a lamp, a glass ball that bends its light, and a ball that half of the rays pass.
+Scene roomOfEverything() {
+  Scene scene = test::furnace(0.7f);
+  scene.materials.resize(3);
+  scene.materials[1].metallic = scene.materials[1].roughness = 0.0f;
+  scene.materials[1].transmission = 1.0f;
+  scene.materials[1].volume = true;
+  scene.materials[2] = test::lambert(0.5f);
+  scene.materials[2].alphaMode = AlphaMode::kBlend;
+  scene.materials[2].baseColor.w = 0.5f;
+  test::place(scene, test::sphere(vec3(0.6f, 0.2f, 0.0f), 0.25f, 1, 16));
+  test::place(scene, test::sphere(vec3(0.5f, 0.0f, -0.4f), 0.2f, 2, 16));
+  Light lamp;
+  lamp.position = dvec3(0.4, 0.9, 0.1);
+  lamp.intensity = vec3(3.0f, 2.0f, 1.0f);
+  scene.lights = {lamp};
+  return scene;
+}
+
 /// What a sample is does not depend on what is traced along with it: alone, in waves that are not
 /// full, in another order.
 TEST(PathTracer, SamplesAreTheSameInAnyWave) {
-  const Scene scene = test::furnace(0.7f);
+  const Scene scene = roomOfEverything();
   const RayScene rays(scene);
   const LightSet lights(scene, rays);
   const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
-  const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, 3);
+  CausticMaps caustics(scene, rays, kSide * kSide, 3);
+  caustics.prepare(std::vector<std::uint32_t>{0, 1, 2, 3, 4});
+  ASSERT_NE(caustics.find(4), nullptr);
+  const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, 3, true, &caustics);
   std::vector<PathJob> jobs;
   for (std::uint32_t i = 0; i < 37; ++i)
     jobs.push_back({i % kSide, i * 7 % kSide, i % 5, i % 2 == 0});
