@@ -1,0 +1,294 @@
+#include "src/schedule/board.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+namespace trex::schedule {
+namespace {
+
+/// What overruns is taken to end after this share of a millisecond: soon, but not now.
+constexpr double kSoon = 1e-3;
+
+bool contains(const std::vector<std::uint32_t>& list, std::uint32_t value) {
+  return std::find(list.begin(), list.end(), value) != list.end();
+}
+
+}  // namespace
+
+Board::Board(const State& state, Evict evict)
+    : s_(state),
+      evict_(evict),
+      memories_(static_cast<std::uint32_t>(state.graph->memories.size())),
+      devices_(state.graph->devices.size()),
+      channels_(state.graph->channels.size()),
+      channelFree_(state.graph->channels.size(), state.now),
+      copies_(state.items.size() * memories_),
+      places_(state.items.size(), 0),
+      rooms_(memories_),
+      promised_(memories_, 0.0) {
+  for (std::uint32_t m = 0; m < memories_; ++m) rooms_[m].free = state.graph->memories[m].capacity;
+  readCopies();
+  readWork();
+}
+
+void Board::readCopies() {
+  for (std::uint32_t i = 0; i < s_.items.size(); ++i) {
+    const Item& item = s_.items[i];
+    places_[i] = item.copies;
+    for (std::uint64_t rest = item.copies; rest != 0; rest &= rest - 1) {
+      const auto m = static_cast<std::uint32_t>(std::countr_zero(rest));
+      copy(i, m).arrival = s_.now;
+      if (item.moves || !std::isfinite(s_.graph->memories[m].capacity)) continue;
+      rooms_[m].free -= item.bytes;
+      if (item.bytes > 0.0) rooms_[m].held.push_back(i);
+    }
+  }
+}
+
+void Board::readWork() {
+  for (const Fetch& f : s_.moving) {
+    const double end = std::max(f.end, s_.now + kSoon);
+    channels_[f.channel].take(s_.now, end - s_.now);
+    channelFree_[f.channel] = channels_[f.channel].free(s_.now);
+    if (s_.items[f.item].moves) continue;
+    copy(f.item, f.from).until = std::max(copy(f.item, f.from).until, end);
+    copy(f.item, f.to).arrival = end;
+    places_[f.item] |= std::uint64_t{1} << f.to;
+    if (!std::isfinite(s_.graph->memories[f.to].capacity)) continue;
+    rooms_[f.to].free -= s_.items[f.item].bytes;
+    copy(f.item, f.to).until = end;
+    rooms_[f.to].held.push_back(f.item);
+  }
+  for (const Running& r : s_.running) {
+    const double end = std::max(r.end, s_.now + kSoon);
+    const std::uint32_t memory = s_.graph->devices[r.device].memory;
+    devices_[r.device].take(s_.now, end - s_.now);
+    for (std::uint32_t item : r.reads) {
+      copy(item, memory).until = std::max(copy(item, memory).until, end);
+    }
+    rooms_[memory].free -= r.scratch;
+    if (r.scratch > 0.0) addRelease(memory, {end, r.scratch});
+  }
+}
+
+double Board::arrivalAtBest(const Item& item, std::uint32_t number, std::uint32_t target) const {
+  double best = copy(number, target).arrival;
+  if (best <= s_.now) return best;
+  for (std::uint64_t rest = places_[number]; rest != 0; rest &= rest - 1) {
+    const auto m = static_cast<std::uint32_t>(std::countr_zero(rest));
+    const std::uint32_t first = s_.routes->firstChannel(m, target);
+    if (first == Routes::kNoChannel) continue;
+    best = std::min(best, std::max(copy(number, m).arrival, channelFree_[first]) +
+                              s_.routes->seconds(m, target, item.bytes));
+  }
+  return best;
+}
+
+Offer Board::atBest(std::uint32_t job, std::uint32_t device) const {
+  const Device& d = s_.graph->devices[device];
+  const Job& j = s_.jobs[job];
+  double ready = devices_[device].free(s_.now);
+  for (std::uint32_t number : j.reads) {
+    const Item& item = s_.items[number];
+    if (item.bytes <= 0.0) continue;
+    ready = std::max(ready, arrivalAtBest(item, number, item.moves ? d.host : d.memory));
+  }
+  return {ready, ready + s_.timing->at(device, j.kind).seconds(j.amounts)};
+}
+
+/// What it would cost to do without a copy: the less, the earlier it goes.
+double Board::loss(std::uint32_t item, std::uint32_t memory) const {
+  const Item& what = s_.items[item];
+  if (evict_ == Evict::kUsedLongestAgo) return what.lastUse;
+  double again = kNever;
+  for (std::uint64_t rest = places_[item] & ~(std::uint64_t{1} << memory); rest != 0;
+       rest &= rest - 1) {
+    const auto m = static_cast<std::uint32_t>(std::countr_zero(rest));
+    again = std::min(again, s_.routes->seconds(m, memory, what.bytes));
+  }
+  return what.need * again;
+}
+
+/// Copies that nobody uses go first, of them those that are missed least; then those in use, as
+/// they become free.
+bool Board::goesBefore(std::uint32_t a, std::uint32_t b, std::uint32_t memory) const {
+  const double untilA = std::max(copy(a, memory).until, s_.now);
+  const double untilB = std::max(copy(b, memory).until, s_.now);
+  if (untilA != untilB) return untilA < untilB;
+  const double lossA = loss(a, memory), lossB = loss(b, memory);
+  return lossA != lossB ? lossA < lossB : a < b;
+}
+
+Board::Clearing Board::clear(const Job& job, std::uint32_t memory, double bytes) const {
+  const Room& room = rooms_[memory];
+  Clearing c{s_.now, {}, 0, room.free};
+  while (c.bytes < bytes) {
+    std::uint32_t best = 0xffffffffu;
+    for (std::uint32_t k = 0; k < room.held.size(); ++k) {
+      if (contains(job.reads, room.held[k]) || contains(c.victims, k)) continue;
+      if (best == 0xffffffffu || goesBefore(room.held[k], room.held[best], memory)) best = k;
+    }
+    const bool release = c.releases < room.releases.size();
+    if (best == 0xffffffffu && !release) return {};
+    if (release && (best == 0xffffffffu ||
+                    room.releases[c.releases].time < copy(room.held[best], memory).until)) {
+      c.time = std::max(c.time, room.releases[c.releases].time);
+      c.bytes += room.releases[c.releases++].bytes;
+      continue;
+    }
+    c.time = std::max(c.time, copy(room.held[best], memory).until);
+    c.bytes += s_.items[room.held[best]].bytes;
+    c.victims.push_back(best);
+  }
+  return c;
+}
+
+/// When there is room for more bytes than are promised already. With `keep`, takes it; leave() has
+/// to follow.
+double Board::takeRoom(const Job& job, std::uint32_t memory, double bytes, bool keep,
+                       std::vector<std::uint32_t>& evicted) {
+  if (!std::isfinite(s_.graph->memories[memory].capacity)) return s_.now;
+  Room& room = rooms_[memory];
+  if (!keep) {
+    promised_[memory] += bytes;
+    return room.free >= promised_[memory] ? s_.now : clear(job, memory, promised_[memory]).time;
+  }
+  if (room.free >= bytes) {
+    room.free -= bytes;
+    return s_.now;
+  }
+  Clearing c = clear(job, memory, bytes);
+  if (c.time == kNever) return c.time;
+  std::sort(c.victims.begin(), c.victims.end(), std::greater<>());
+  for (std::uint32_t k : c.victims) {
+    evicted.push_back(room.held[k]);
+    room.held.erase(room.held.begin() + k);
+  }
+  room.releases.erase(room.releases.begin(), room.releases.begin() + static_cast<long>(c.releases));
+  room.free = 0.0;
+  surplus_ = c.bytes - bytes;
+  return c.time;
+}
+
+/// What was evicted goes at this time, and what it left over is free from then on.
+void Board::leave(std::uint32_t memory, double time, const std::vector<std::uint32_t>& evicted) {
+  for (std::uint32_t item : evicted) {
+    copy(item, memory) = {kNever, time};
+    places_[item] &= ~(std::uint64_t{1} << memory);
+  }
+  if (surplus_ > 0.0) addRelease(memory, {time, surplus_});
+  surplus_ = 0.0;
+}
+
+void Board::addRelease(std::uint32_t memory, const Release& release) {
+  Room& room = rooms_[memory];
+  if (release.time <= s_.now) {
+    room.free += release.bytes;
+    return;
+  }
+  const auto earlier = [](const Release& a, const Release& b) { return a.time < b.time; };
+  room.releases.insert(
+      std::upper_bound(room.releases.begin(), room.releases.end(), release, earlier), release);
+}
+
+void Board::undoChannels(std::size_t left) {
+  while (taken_.size() > left) {
+    channels_[taken_.back().channel].undo(taken_.back().place);
+    taken_.pop_back();
+  }
+}
+
+/// When an item is there that sets out at `from` and takes these hops.
+double Board::along(const Job& job, std::uint32_t item, double from,
+                    const std::vector<Routes::Hop>& hops, bool keep) {
+  const Item& what = s_.items[item];
+  for (const Routes::Hop& hop : hops) {
+    Fetch fetch{item, hop.channel, hop.from, hop.to, 0.0, 0.0, {}};
+    if (!what.moves) {
+      // One that is given up later in this plan can't come again before.
+      from = std::max(
+          {from, copy(item, hop.to).until, takeRoom(job, hop.to, what.bytes, keep, fetch.evicted)});
+      if (from == kNever) return kNever;
+    }
+    const double length = s_.graph->channels[hop.channel].seconds(what.bytes);
+    fetch.start = channels_[hop.channel].earliest(from, length);
+    fetch.end = from = fetch.start + length;
+    taken_.push_back({hop.channel, channels_[hop.channel].take(fetch.start, length)});
+    if (!keep) continue;
+    channelFree_[hop.channel] = channels_[hop.channel].free(s_.now);
+    leave(hop.to, fetch.start, fetch.evicted);
+    Copy& source = copy(item, hop.from);
+    source.until = std::max(source.until, fetch.end);
+    copy(item, hop.to) = {fetch.end, fetch.end};
+    places_[item] |= std::uint64_t{1} << hop.to;
+    if (!what.moves && std::isfinite(s_.graph->memories[hop.to].capacity)) {
+      rooms_[hop.to].held.push_back(item);
+    }
+    made_.fetches.push_back(std::move(fetch));
+  }
+  return from;
+}
+
+/// When an item is in `target`, over the path that is the first to bring it.
+double Board::bring(const Job& job, std::uint32_t item, std::uint32_t target, bool keep) {
+  if (copy(item, target).arrival < kNever) return copy(item, target).arrival;
+  double best = kNever;
+  std::uint32_t source = 0;
+  const std::vector<double> promised = promised_;
+  const std::size_t before = taken_.size();
+  for (std::uint64_t rest = places_[item]; rest != 0; rest &= rest - 1) {
+    const auto m = static_cast<std::uint32_t>(std::countr_zero(rest));
+    const double there = copy(item, m).arrival;
+    const std::vector<Routes::Hop>& hops = s_.routes->hops(m, target);
+    if (hops.empty()) continue;
+    if (std::any_of(hops.begin(), hops.end() - 1, [&](const Routes::Hop& h) {
+          return copy(item, h.to).arrival < kNever;  // then that one is the source
+        })) {
+      continue;
+    }
+    const double end = along(job, item, there, hops, false);
+    undoChannels(before);
+    promised_ = promised;
+    if (end >= best) continue;
+    best = end;
+    source = m;
+  }
+  if (best == kNever) return kNever;
+  return along(job, item, copy(item, source).arrival, s_.routes->hops(source, target), keep);
+}
+
+Offer Board::settle(std::uint32_t job, std::uint32_t device, bool keep) {
+  const Device& d = s_.graph->devices[device];
+  const Job& j = s_.jobs[job];
+  if (keep && !settle(job, device, false).possible()) return {};
+  std::fill(promised_.begin(), promised_.end(), 0.0);
+  taken_.clear();
+  double ready = s_.now;
+  for (std::uint32_t item : j.reads) {
+    if (s_.items[item].bytes <= 0.0 || ready == kNever) continue;
+    ready = std::max(ready, bring(j, item, s_.items[item].moves ? d.host : d.memory, keep));
+  }
+  Run run{job, device, kNever, kNever, {}};
+  if (j.scratch > 0.0 && ready < kNever) {
+    ready = std::max(ready, takeRoom(j, d.memory, j.scratch, keep, run.evicted));
+  }
+  if (!keep) undoChannels(0);
+  if (ready == kNever) return {};
+  const double length = s_.timing->at(device, j.kind).seconds(j.amounts);
+  run.start = devices_[device].earliest(ready, length);
+  run.end = run.start + length;
+  const Offer offer{run.start, run.end};
+  if (!keep) return offer;
+  devices_[device].take(run.start, length);
+  for (std::uint32_t item : j.reads) {
+    Copy& c = copy(item, s_.items[item].moves ? d.host : d.memory);
+    c.until = std::max(c.until, run.end);
+  }
+  leave(d.memory, run.start, run.evicted);
+  if (j.scratch > 0.0) addRelease(d.memory, {run.end, j.scratch});
+  made_.runs.push_back(std::move(run));
+  return offer;
+}
+
+}  // namespace trex::schedule

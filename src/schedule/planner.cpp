@@ -1,0 +1,174 @@
+#include "src/schedule/planner.h"
+
+#include <algorithm>
+#include <queue>
+
+#include "src/schedule/board.h"
+
+namespace trex::schedule {
+namespace {
+
+bool hasWork(const Job& job) {
+  return std::any_of(job.amounts.begin(), job.amounts.end(), [](double a) { return a > 0.0; });
+}
+
+struct Pair {
+  double key = 0.0;     ///< less is better
+  double latest = 0.0;  ///< start that is not beyond the horizon
+  std::uint32_t job = 0, device = 0;
+  bool operator>(const Pair& other) const {
+    if (key != other.key) return key > other.key;
+    return job != other.job ? job > other.job : device > other.device;
+  }
+};
+
+double keyOf(const State& s, Rule rule, const Job& job, const Offer& offer) {
+  switch (rule) {
+    case Rule::kEarliestStart:
+      return offer.start;
+    case Rule::kEarliestFinish:
+      return offer.end;
+    case Rule::kMostWork:
+      break;
+  }
+  return (offer.end - s.now) / std::max(job.worth, 1e-300);
+}
+
+}  // namespace
+
+/// Keys only grow while more is committed (nearly: a copy may come nearer), so a pair is looked at
+/// again only once it is the first [lazy greedy: Minoux 1978], and cheaply at first.
+Schedule plan(const State& state, const Schedule&, Rule rule) {
+  Board board(state, Evict::kNeededLatest);
+  std::vector<Pair> pairs;
+  const auto devices = static_cast<std::uint32_t>(state.graph->devices.size());
+  for (std::uint32_t j = 0; j < state.jobs.size(); ++j) {
+    if (!hasWork(state.jobs[j])) continue;
+    for (std::uint32_t d = 0; d < devices; ++d) {
+      const Offer offer = board.atBest(j, d);
+      if (!offer.possible()) continue;
+      pairs.push_back(
+          {keyOf(state, rule, state.jobs[j], offer), offer.start + state.horizon, j, d});
+    }
+  }
+  std::priority_queue<Pair, std::vector<Pair>, std::greater<>> queue(std::greater<>(),
+                                                                     std::move(pairs));
+  std::vector<bool> committed(state.jobs.size(), false);
+  bool any = false;
+  while (!queue.empty()) {
+    Pair p = queue.top();
+    queue.pop();
+    if (committed[p.job]) continue;
+    const auto isFirst = [&](const Offer& offer) {
+      if (!offer.possible() || (any && offer.start > p.latest)) return false;
+      p.key = std::max(p.key, keyOf(state, rule, state.jobs[p.job], offer));
+      if (queue.empty() || !(p > queue.top())) return true;
+      queue.push(p);
+      return false;
+    };
+    if (!isFirst(board.atBest(p.job, p.device)) || !isFirst(board.place(p.job, p.device))) continue;
+    committed[p.job] = board.commit(p.job, p.device).possible();
+    any = true;
+  }
+  return std::move(board.schedule());
+}
+
+namespace {
+
+/// What a job reads is on its way.
+bool isAwaited(const State& state, const Job& job) {
+  return std::any_of(state.moving.begin(), state.moving.end(), [&](const Fetch& f) {
+    return std::find(job.reads.begin(), job.reads.end(), f.item) != job.reads.end();
+  });
+}
+
+/// What was assigned before stays where it is, in its order; without a time if all of its work is
+/// on the way.
+std::vector<bool> keepAssigned(Board& board, const State& state, const Schedule& previous) {
+  std::vector<bool> assigned(state.jobs.size(), false);
+  for (const Run& r : previous.runs) {
+    if (assigned[r.job]) continue;
+    if (hasWork(state.jobs[r.job])) {
+      assigned[r.job] = board.commit(r.job, r.device).possible();
+    } else if (isAwaited(state, state.jobs[r.job])) {
+      board.schedule().runs.push_back({r.job, r.device, kNever, kNever, {}});
+      assigned[r.job] = true;
+    }
+  }
+  return assigned;
+}
+
+bool isIdle(Board& board, const State& state, std::uint32_t device) {
+  const std::vector<Run>& runs = board.schedule().runs;
+  return board.deviceEnd(device) <= state.now &&
+         std::none_of(runs.begin(), runs.end(), [&](const Run& r) { return r.device == device; });
+}
+
+/// Gives each idle device the job that `next` says, while there is one.
+template <typename Next>
+Schedule planOnDemand(const State& state, const Schedule& previous, const Next& next) {
+  Board board(state, Evict::kUsedLongestAgo);
+  std::vector<bool> assigned = keepAssigned(board, state, previous);
+  std::uint32_t cursor = previous.cursor;
+  for (std::uint32_t d = 0; d < state.graph->devices.size(); ++d) {
+    if (!isIdle(board, state, d)) continue;
+    const std::uint32_t job = next(assigned, cursor);
+    if (job >= state.jobs.size()) break;
+    assigned[job] = board.commit(job, d).possible();
+    if (assigned[job]) cursor = job + 1;
+  }
+  Schedule made = std::move(board.schedule());
+  made.cursor = cursor;
+  return made;
+}
+
+}  // namespace
+
+Schedule planRoundRobin(const State& state, const Schedule& previous) {
+  const auto jobs = static_cast<std::uint32_t>(state.jobs.size());
+  return planOnDemand(state, previous, [&](const std::vector<bool>& assigned, std::uint32_t from) {
+    for (std::uint32_t k = 0; k < jobs; ++k) {
+      const std::uint32_t j = (from + k) % jobs;
+      if (!assigned[j] && hasWork(state.jobs[j])) return j;
+    }
+    return jobs;
+  });
+}
+
+Schedule planLoadAnyOnce(const State& state, const Schedule& previous) {
+  const auto jobs = static_cast<std::uint32_t>(state.jobs.size());
+  return planOnDemand(state, previous, [&](const std::vector<bool>& assigned, std::uint32_t) {
+    std::uint32_t best = jobs;
+    for (std::uint32_t j = 0; j < jobs; ++j) {
+      if (assigned[j] || !hasWork(state.jobs[j])) continue;
+      if (best == jobs || state.jobs[j].worth > state.jobs[best].worth) best = j;
+    }
+    return best;
+  });
+}
+
+Schedule planDmda(const State& state, const Schedule& previous) {
+  Board board(state, Evict::kUsedLongestAgo);
+  const std::vector<bool> assigned = keepAssigned(board, state, previous);
+  std::vector<std::uint32_t> ready;
+  for (std::uint32_t j = 0; j < state.jobs.size(); ++j) {
+    if (!assigned[j] && hasWork(state.jobs[j])) ready.push_back(j);
+  }
+  std::stable_sort(ready.begin(), ready.end(), [&](std::uint32_t a, std::uint32_t b) {
+    return state.jobs[a].readySince < state.jobs[b].readySince;
+  });
+  for (std::uint32_t j : ready) {
+    Offer best;
+    std::uint32_t device = 0;
+    for (std::uint32_t d = 0; d < state.graph->devices.size(); ++d) {
+      const Offer offer = board.place(j, d);
+      if (!offer.possible() || offer.end >= best.end) continue;
+      best = offer;
+      device = d;
+    }
+    if (best.possible()) board.commit(j, device);
+  }
+  return std::move(board.schedule());
+}
+
+}  // namespace trex::schedule

@@ -1,0 +1,34 @@
+// What to do next: greedy makespan balancing, after Son and Yoon (HPG 2017), and its rivals.
+//
+// Of all pairs of a job and a device the best by a rule is taken; what the job reads is brought
+// over the cheapest path from any copy, through the earliest free slots of each channel; what is
+// needed latest is evicted; again, until nothing more begins before the horizon. All of them are
+// pure functions: a plan depends on its arguments alone, and on nothing twice. Thread safe.
+#pragma once
+
+#include "src/schedule/state.h"
+
+namespace trex::schedule {
+
+enum class Rule {
+  kMostWork,        ///< most Job::worth for each second until it is done
+  kEarliestStart,   ///< the job that can start soonest [Son and Yoon 2017]
+  kEarliestFinish,  ///< the job that can end soonest
+};
+constexpr Rule kDefaultRule = Rule::kMostWork;
+
+/// `previous` is what the same function said last, less what has begun since.
+Schedule plan(const State& state, const Schedule& previous, Rule rule = kDefaultRule);
+
+/// Jobs by number, in turn, to whichever device is idle; data is brought when the job is taken.
+Schedule planRoundRobin(const State& state, const Schedule& previous);
+
+/// The job with most worth, to whichever device is idle, no matter where its data is; data is
+/// brought then. LoadAnyOnce [Navratil et al. 2014].
+Schedule planLoadAnyOnce(const State& state, const Schedule& previous);
+
+/// Each job, once it is ready, to the device that would end it first, transfers included, behind
+/// what that has to do; data is brought ahead. The rule `dmda` of StarPU [Augonnet et al. 2011].
+Schedule planDmda(const State& state, const Schedule& previous);
+
+}  // namespace trex::schedule
