@@ -17,6 +17,8 @@ void addDoctorCommand(CLI::App& app);
 void addDiffCommand(CLI::App& app, int& exitCode);
 /// Adds `trex export-vdb`.
 void addExportVdbCommand(CLI::App& app);
+/// Adds `trex denoise`.
+void addDenoiseCommand(CLI::App& app);
 /// Adds `trex merge`.
 void addMergeCommand(CLI::App& app);
 /// Adds `trex view`, which becomes the program trex-view with the arguments of this one.

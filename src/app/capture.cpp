@@ -34,8 +34,8 @@ std::uint64_t jobKey(const RenderArguments& a, const Model& model, const std::ve
   const RenderSettings& s = a.settings;
   std::string text =
       fmt::format("{} {}x{} {} {} {} {} {} {} {}", kVersion, s.width, s.height, s.exact, s.seed,
-                  static_cast<int>(s.guess), static_cast<int>(s.photonKind), s.device, s.denoise,
-                  a.environment);
+                  static_cast<int>(s.guess), static_cast<int>(s.photonKind), s.device,
+                  static_cast<int>(s.denoise), a.environment);
   for (const SourceFile& file : model.scene.files)
     text += fmt::format(" {:016x}", hashFile(file.path));
   // A memory limit may have made the voxels coarser.
@@ -43,6 +43,7 @@ std::uint64_t jobKey(const RenderArguments& a, const Model& model, const std::ve
   // Of pages, cones read those that are there.
   if (s.maxGpuMemory > 0) text += fmt::format(" gpu {}", s.maxGpuMemory);
   if (s.transparent) text += " transparent";
+  if (mayUseOidn(s)) text += " oidn";  // which keeps more sums
   text += a.import.key();
   if (!a.edits.empty()) text += fmt::format(" {:016x}", hashFile(a.edits));
   for (const std::string& volume : a.volumes) text += ' ' + volume;
@@ -163,6 +164,13 @@ void Capture::save(Session& session, const View& view, bool report) {
   } else {
     fmt::print("{}\n", view.output);
     std::fflush(stdout);
+  }
+  if (!r.denoiseProblem.empty()) {
+    if (a_.settings.denoise == Denoise::kOidn) {
+      fail(ExitCode::kMemoryOrDevice, "{}: saved, but by the filter instead: {}", view.output,
+           r.denoiseProblem);
+    }
+    logWarning("{}: by the filter instead: {}", view.output, r.denoiseProblem);
   }
   logInfo("{} samples a pixel in {:.2f} s on {}", r.samplesDone, r.renderSeconds + r.filterSeconds,
           r.device == "none" ? "the CPU alone" : r.device);

@@ -19,6 +19,7 @@
 #include "src/core/error.h"
 #include "src/core/memory.h"
 #include "src/core/version.h"
+#include "src/frame/oidn.h"
 #include "src/images/image_library.h"
 #include "src/vulkan/vulkan.h"
 
@@ -43,6 +44,12 @@ struct Disk {
   bool writable = false;
 };
 
+/// What --denoise auto takes.
+struct Denoising {
+  std::string library, version, device;  ///< of Open Image Denoise; empty if there is none
+  std::string problem;                   ///< why there is none
+};
+
 struct Findings {
   std::vector<std::pair<std::string, std::string>> libraries;  ///< name, version
   std::vector<vulkan::DeviceInfo> devices;
@@ -51,6 +58,7 @@ struct Findings {
   std::vector<Disk> disks;
   std::string display;  ///< "DISPLAY=:0", or empty
   std::string simdTarget;
+  Denoising denoising;
   std::string problem;                ///< of G-rays; empty if a device can be used
   std::vector<std::string> problems;  ///< all, each with what to do
   std::string fatal;                  ///< why nothing can be rendered; empty if something can
@@ -155,11 +163,23 @@ void examineDisk(Findings& found, const char* use, const std::filesystem::path& 
   found.disks.push_back(std::move(disk));
 }
 
+void examineDenoiser(Findings& found) {
+  const OidnSearch& search = findOidn();
+  if (search.library) {
+    found.denoising = {search.library->file(), search.library->version(), search.library->device(),
+                       ""};
+    return;
+  }
+  found.denoising.problem = search.problem;
+  if (search.broken) found.problems.push_back(search.problem);
+}
+
 Findings examine() {
   Findings found;
   examineMemory(found);
   examineLibraries(found);
   examineDevices(found);
+  examineDenoiser(found);
   std::error_code error;
   const std::filesystem::path current = std::filesystem::current_path(error);
   examineDisk(found, "current", error ? "." : current);
@@ -213,6 +233,12 @@ nlohmann::json toJson(const Findings& found) {
       {"can_render", found.fatal.empty()},
       {"problem", found.problem},
       {"problems", found.problems}};
+  const Denoising& denoising = found.denoising;
+  out["denoiser"] = {{"default", denoising.library.empty() ? "filter" : "oidn"},
+                     {"library", denoising.library},
+                     {"version", denoising.version},
+                     {"device", denoising.device},
+                     {"problem", denoising.problem}};
   out["libraries"] = nlohmann::json::array();
   for (const auto& [name, version] : found.libraries) {
     out["libraries"].push_back({{"name", name}, {"version", version}});
@@ -262,6 +288,13 @@ void print(const Findings& found) {
     libraries += fmt::format("{}{} {}", libraries.empty() ? "" : ", ", name, version);
   }
   fmt::print("libraries: {}\n", libraries);
+  const Denoising& denoising = found.denoising;
+  if (denoising.library.empty()) {
+    fmt::print("denoiser: the filter; {}\n", denoising.problem);
+  } else {
+    fmt::print("denoiser: Open Image Denoise {} on {} ({})\n", denoising.version, denoising.device,
+               denoising.library);
+  }
   for (const vulkan::DeviceInfo& d : found.devices) print(d, d.index == found.chosen);
   if (found.fatal.empty()) {
     fmt::print("C-rays and --exact 1 work\n{}\n",

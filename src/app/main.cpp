@@ -41,6 +41,7 @@ int run(int argc, char** argv) {
   trex::addDoctorCommand(app);
   trex::addDiffCommand(app, exitCode);
   trex::addMergeCommand(app);
+  trex::addDenoiseCommand(app);
   trex::addExportVdbCommand(app);
   trex::addBenchCommand(app, exitCode);
   // As CLI11 wants them: from the last to the first.

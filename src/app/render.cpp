@@ -185,10 +185,7 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
                 "objectId,materialId,sampleCount,variance or all")
       ->delimiter(',')
       ->allow_extra_args(false);
-  c->add_option("--denoise", a->denoise,
-                "Filter the guess and its correction: auto (with --exact below 1), off")
-      ->check(CLI::IsMember({"auto", "off"}))
-      ->capture_default_str();
+  addDenoise(*c, a->settings.denoise);
   c->add_option("--seed", a->settings.seed, "Seed of all random numbers")->capture_default_str();
   c->add_option("--threads", a->threads, "CPU threads [all]")->check(CLI::Range(1, 4096));
   c->add_option("--max-memory", a->maxMemory, "Memory this process may use, such as 8G [all]");

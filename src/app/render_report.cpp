@@ -21,8 +21,6 @@ const char* photonName(const SessionReport& r) {
   return r.photonRays ? "ray" : "voxel";
 }
 
-bool filtered(const RenderSettings& s) { return s.denoise && s.exact < 1.0; }
-
 }  // namespace
 
 nlohmann::json summary(const RenderArguments& a, const View& view, const Session& session,
@@ -55,6 +53,7 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
       {"caustic_seconds", r.causticSeconds},
       {"caustic_photons", r.causticPhotons},
       {"filter_seconds", r.filterSeconds},
+      {"denoiser", r.denoiser},
       {"photons", r.photons},
       {"photons_landed", r.photonsLanded},
       {"c_rays", r.rays.cRays},
@@ -106,7 +105,7 @@ void addMetadata(Picture& picture, const RenderArguments& a, const View& view,
   put("exact", fmt::format("{}", a.settings.exact));
   put("guess", guessName(r));
   put("photonBounces", photonName(r));
-  put("denoised", filtered(a.settings) ? "yes" : "no");
+  put("denoised", r.denoiser);
   if (a.settings.transparent) put("transparent", "yes");
   if (a.import.maxBounces) put("maxBounces", bouncesText(*a.import.maxBounces));
   put("device", r.device);

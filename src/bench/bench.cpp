@@ -279,10 +279,7 @@ void addBenchCommand(CLI::App& app, int& exitCode) {
       ->check(CLI::IsMember({"auto", "ray", "cone"}))
       ->capture_default_str();
   addPhotonBounces(*c, a->render.settings.photonKind);
-  c->add_option("--denoise", a->render.denoise,
-                "Filter guess and correction: auto (with exact below 1), off")
-      ->check(CLI::IsMember({"auto", "off"}))
-      ->capture_default_str();
+  addDenoise(*c, a->render.settings.denoise);
   c->add_option("--seed", a->render.settings.seed, "Seed of all random numbers")
       ->capture_default_str();
   c->add_option("--threads", a->threads, "CPU threads [all]")->check(CLI::Range(1, 4096));

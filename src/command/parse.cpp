@@ -111,6 +111,23 @@ void addImportOptions(CLI::App& command, ImportOptions& options) {
                    "index) is an error, not a warning");
 }
 
+void addDenoise(CLI::App& command, Denoise& denoise) {
+  denoise = Denoise::kAuto;
+  const auto set = [&denoise](const std::string& name) {
+    denoise = name == "off"      ? Denoise::kOff
+              : name == "filter" ? Denoise::kFilter
+              : name == "oidn"   ? Denoise::kOidn
+                                 : Denoise::kAuto;
+  };
+  command
+      .add_option_function<std::string>(
+          "--denoise", set,
+          "Open Image Denoise (oidn), the filter of this program (filter), the former where it is "
+          "there and pays, else the latter, neither of an exact picture (auto), or none (off)")
+      ->check(CLI::IsMember({"auto", "oidn", "filter", "off"}))
+      ->default_str("auto");
+}
+
 void addPhotonBounces(CLI::App& command, PhotonKind& kind) {
   const auto set = [&kind](const std::string& name) {
     kind = name == "ray"     ? PhotonKind::kRay

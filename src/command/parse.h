@@ -19,6 +19,8 @@ int parseDevice(const std::string& text);
 /// Adds what decides how a model is read: --strict, --unit, --up,
 /// --scene, --variant, --animation and --at.
 void addImportOptions(CLI::App& command, ImportOptions& options);
+/// Adds --denoise.
+void addDenoise(CLI::App& command, Denoise& denoise);
 /// Adds --photon-bounces.
 void addPhotonBounces(CLI::App& command, PhotonKind& kind);
 

@@ -37,7 +37,6 @@ void readSettings(RenderArguments& a) {
   if (!a.maxGpuMemory.empty()) s.maxGpuMemory = parseBytes(a.maxGpuMemory);
   if (s.samples == 0 && s.seconds == 0.0 && s.error == 0.0) s.samples = 64;
   s.device = parseDevice(a.device);
-  s.denoise = a.denoise == "auto";
   s.guess = a.guess == "ray"    ? GuessKind::kRay
             : a.guess == "cone" ? GuessKind::kCone
                                 : GuessKind::kAuto;

@@ -57,10 +57,11 @@ class DirectImage {
   }
   dvec3 mean(std::uint32_t x, std::uint32_t y) const {
     const Pixel& p = pixels_[std::size_t{y} * width_ + x];
-    dvec3 mean(0.0);
-    if (p.count > 0.0) mean += p.guess / p.count;
-    if (p.pairs > 0.0) mean += p.difference / p.pairs;
-    return mean;
+    return guess(x, y) + (p.pairs > 0.0 ? p.difference / p.pairs : dvec3(0.0));
+  }
+  dvec3 guess(std::uint32_t x, std::uint32_t y) const {
+    const Pixel& p = pixels_[std::size_t{y} * width_ + x];
+    return p.count > 0.0 ? p.guess / p.count : dvec3(0.0);
   }
   void restart(std::uint32_t x, std::uint32_t y) { pixels_[std::size_t{y} * width_ + x] = {}; }
   static constexpr std::uint64_t kBytesAPixel = 8 * sizeof(double);

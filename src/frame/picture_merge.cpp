@@ -19,11 +19,6 @@ std::string* find(Picture& picture, const std::string& key) {
   return nullptr;
 }
 
-std::string metadata(const Picture& picture, const std::string& key) {
-  const std::string* value = find(const_cast<Picture&>(picture), key);
-  return value == nullptr ? "" : *value;
-}
-
 void put(Picture& picture, const std::string& key, const std::string& text) {
   if (std::string* value = find(picture, key)) {
     *value = text;
@@ -73,8 +68,8 @@ void checkValues(const Picture& picture, const std::string& name) {
 
 void PictureMerger::add(const Picture& picture, const std::string& name) {
   checkLayers(picture, name);
-  if (metadata(picture, "trex:denoised") == "yes") {
-    fail(ExitCode::kInput, "{}: is filtered; render it with --denoise off", name);
+  if (isDenoised(picture)) {
+    fail(ExitCode::kInput, "{}: is denoised; render it with --denoise off", name);
   }
   checkValues(picture, name);
   if (seeds_.empty()) {
@@ -120,7 +115,7 @@ void PictureMerger::checkFits(const Picture& picture, const std::string& name) c
   }
   for (const char* key : {"trex:scene", "trex:camera", "trex:environment", "trex:exact",
                           "trex:maxBounces", "trex:transparent"}) {
-    const std::string mine = metadata(picture, key), other = metadata(first_, key);
+    const std::string mine = metadataOf(picture, key), other = metadataOf(first_, key);
     if (mine == other) continue;
     fail(ExitCode::kInput, "{}: {} is \"{}\", but \"{}\" in {}; only one view can be merged", name,
          key, mine, other, firstName_);
@@ -128,7 +123,7 @@ void PictureMerger::checkFits(const Picture& picture, const std::string& name) c
 }
 
 void PictureMerger::takeMetadata(const Picture& picture, const std::string& name) {
-  const std::string seed = metadata(picture, "trex:seed");
+  const std::string seed = metadataOf(picture, "trex:seed");
   if (seed.empty()) fail(ExitCode::kInput, "{}: has no seed (metadata trex:seed)", name);
   for (const std::string& one : split(seed)) {
     if (std::find(seeds_.begin(), seeds_.end(), one) != seeds_.end()) {
@@ -136,8 +131,8 @@ void PictureMerger::takeMetadata(const Picture& picture, const std::string& name
     }
     seeds_.push_back(one);
   }
-  samples_ += number(metadata(picture, "trex:samples"));
-  nonFinite_ += number(metadata(picture, "trex:nonFiniteSamples"));
+  samples_ += number(metadataOf(picture, "trex:samples"));
+  nonFinite_ += number(metadataOf(picture, "trex:nonFiniteSamples"));
 }
 
 void PictureMerger::accumulate(const Picture& picture, const std::string&) {
@@ -189,7 +184,7 @@ Picture PictureMerger::result() const {
   }
   put(out, "trex:seed", fmt::format("{}", fmt::join(seeds_, ",")));
   put(out, "trex:samples", std::to_string(samples_));
-  if (!metadata(out, "trex:nonFiniteSamples").empty()) {
+  if (!metadataOf(out, "trex:nonFiniteSamples").empty()) {
     put(out, "trex:nonFiniteSamples", std::to_string(nonFinite_));
   }
   return out;

@@ -136,6 +136,18 @@ Picture readPicture(const fs::path& path) {
   return picture;
 }
 
+std::string metadataOf(const Picture& picture, const std::string& key) {
+  for (const auto& [name, value] : picture.metadata) {
+    if (name == key) return value;
+  }
+  return "";
+}
+
+bool isDenoised(const Picture& picture) {
+  const std::string by = metadataOf(picture, "trex:denoised");
+  return !by.empty() && by != "no" && by != "none";
+}
+
 int channelIndex(const Picture& picture, const std::string& name) {
   const auto at = std::find(picture.channels.begin(), picture.channels.end(), name);
   return at == picture.channels.end() ? -1 : static_cast<int>(at - picture.channels.begin());

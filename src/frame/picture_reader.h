@@ -18,6 +18,12 @@ namespace trex {
 /// at a time.
 Picture readPicture(const std::filesystem::path& path);
 
+/// The value of a key; empty if there is none.
+std::string metadataOf(const Picture& picture, const std::string& key);
+
+/// Whether a render says of its picture that its noise was taken already.
+bool isDenoised(const Picture& picture);
+
 /// Number of the channel of that name in the picture, or -1.
 int channelIndex(const Picture& picture, const std::string& name);
 

@@ -1,38 +1,17 @@
 #include "src/session/goal.h"
 
 #include <algorithm>
-#include <vector>
-
-#include "src/core/clock.h"
-#include "src/frame/denoise.h"
 
 namespace trex {
 namespace {
 
 constexpr std::uint32_t kFirstLook = 16;
 
-/// Seconds a pixel that the filter takes here, at most: every neighbour counts on an even picture.
-double filterSeconds() {
-  constexpr std::uint32_t kSide = 64;
-  FeatureImage features(kSide, kSide);
-  const std::vector<vec3> even(kSide * kSide, vec3(1.0f));
-  double best = kInfinity;
-  for (int run = 0; run < 2; ++run) {
-    const double mark = secondsNow();
-    denoiseGuess(features, even, even);
-    best = std::min(best, secondsNow() - mark);
-  }
-  return best / (kSide * kSide);
-}
-
 }  // namespace
 
-Goal::Goal(const RenderSettings& s)
+Goal::Goal(const RenderSettings& s, double afterwards)
     : samples_(s.samples), seconds_(s.seconds), error_(s.error), nextLook_(kFirstLook) {
-  if (!s.denoise || !(s.seconds > 0.0)) return;
-  const double filters = s.exact > 0.0 ? 2.0 : 1.0;
-  const double taken = filters * filterSeconds() * s.width * s.height;
-  seconds_ = std::max(s.seconds - taken, 0.1 * s.seconds);
+  if (s.seconds > 0.0) seconds_ = std::max(s.seconds - afterwards, 0.1 * s.seconds);
 }
 
 bool Goal::reached(std::uint32_t samples, double seconds) const {

@@ -12,8 +12,8 @@ namespace trex {
 
 class Goal {
  public:
-  /// Of the settings' seconds those are kept free that the filter will take: they are measured.
-  explicit Goal(const RenderSettings& settings);
+  /// `afterwards`: of the settings' seconds those are kept free that the denoiser will take.
+  explicit Goal(const RenderSettings& settings, double afterwards = 0.0);
 
   /// `samples`: that every pixel has; `seconds` of rendering so far.
   bool reached(std::uint32_t samples, double seconds) const;

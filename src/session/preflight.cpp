@@ -10,8 +10,10 @@
 #include "src/frame/accumulator.h"
 #include "src/frame/denoise.h"
 #include "src/frame/features.h"
+#include "src/frame/oidn.h"
 #include "src/scene/import.h"
 #include "src/scene/synth.h"
+#include "src/session/denoiser.h"
 
 namespace trex {
 namespace {
@@ -34,12 +36,17 @@ std::uint64_t frameBytes(const RenderSettings& s, const PictureLayers& layers) {
   const std::uint64_t pixels = std::uint64_t{s.width} * s.height;
   const bool pairs = s.exact > 0.0 && s.exact < 1.0;
   std::uint64_t bytes = Accumulator::bytesNeeded(s.width, s.height, pairs);
-  const bool filter = s.denoise && s.exact < 1.0;
+  const bool filter =
+      s.denoise != Denoise::kOff && !(s.denoise == Denoise::kAuto && s.exact >= 1.0);
+  const bool oidn = mayUseOidn(s);
   if (filter || layers.needsFeatures()) bytes += FeatureImage::bytesNeeded(s.width, s.height);
-  if (layers.needsSplit()) bytes += pixels * DirectImage::kBytesAPixel;
+  if (oidn || layers.needsSplit()) bytes += pixels * DirectImage::kBytesAPixel;
   if (layers.alpha) bytes += pixels * CoverageImage::kBytesAPixel;
   if (layers.needsFirstHit()) bytes += pixels * FirstHitImage::kBytesAPixel;
-  if (filter) bytes += GuessFilter::bytesNeeded(s.width, s.height);
+  // One after the other: the filter is for the correction, and takes over if the other fails.
+  std::uint64_t denoiser = filter ? GuessFilter::bytesNeeded(s.width, s.height) : 0;
+  if (oidn) denoiser = std::max(denoiser, Oidn::bytesNeeded(s.width, s.height));
+  bytes += denoiser;
   // The picture, and what its file's writer holds of it.
   return bytes + pixels * (3 + layers.channels()) * sizeof(float) * 2 + pixels * 2 * sizeof(vec3);
 }

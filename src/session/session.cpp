@@ -10,21 +10,20 @@ namespace {
 
 constexpr std::uint32_t kTileSize = 64;
 
-/// Without a guess there is nothing to be filtered.
-RenderSettings settled(RenderSettings settings) {
-  settings.denoise &= settings.exact < 1.0;
-  return settings;
+double secondsAfterwards(DenoiseMethod method, const RenderSettings& settings) {
+  return settings.seconds > 0.0 ? denoiseSeconds(method, settings) : 0.0;
 }
 
 }  // namespace
 
 Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
                  const RenderSettings& settings, const PictureLayers& layers)
-    : settings_(settled(settings)),
+    : settings_(settings),
       layers_(layers),
       model_(std::move(model)),
       view_(camera),
-      goal_(settings_),
+      method_(denoiseMethod(settings_)),
+      goal_(settings_, secondsAfterwards(method_, settings_)),
       light_(settings_),
       samples_(settings_) {
   layers_.alpha |= settings_.transparent;
@@ -149,9 +148,11 @@ PathSample Session::probe(std::uint32_t x, std::uint32_t y, std::uint32_t sample
 void Session::makeFrames() {
   using Order = TileScheduler::Order;
   const std::uint32_t width = settings_.width, height = settings_.height;
+  PictureLayers kept = layers_;
+  kept.direct |= mayUseOidn(settings_);
   const auto make = [&](Order order) {
     return std::make_unique<FrameBuffers>(
-        width, height, shownOptions().pairs, settings_.denoise, layers_,
+        width, height, shownOptions().pairs, method_ != DenoiseMethod::kOff, kept,
         TileScheduler(makeTiles(width, height, kTileSize), order, width, height));
   };
   frame_ = make(settings_.interactive ? Order::kPerception : Order::kSweep);

@@ -38,6 +38,7 @@
 #include "src/grays/grays.h"
 #include "src/paths/path_sample.h"
 #include "src/scene/look.h"
+#include "src/session/denoiser.h"
 #include "src/session/frame_buffers.h"
 #include "src/session/goal.h"
 #include "src/session/model.h"
@@ -58,7 +59,9 @@ struct SessionReport {
   double aimSeconds = 0, photonSeconds = 0;                     ///< of these
   double causticSeconds = 0;                                    ///< of these, for maps of caustics
   std::uint64_t causticPhotons = 0;
-  double filterSeconds = 0;  ///< of the last picture()
+  double filterSeconds = 0;    ///< of the last picture()
+  std::string denoiser;        ///< of the last picture(): denoiserName()
+  std::string denoiseProblem;  ///< why the filter had to take over at the last picture(), if so
   GRayStatistics gRays;
   std::uint32_t samplesDone = 0;  ///< complete passes
   std::uint64_t photons = 0, photonsLanded = 0, nonFinite = 0;
@@ -160,12 +163,14 @@ class Session {
   std::uint64_t pixels() const { return std::uint64_t{settings_.width} * settings_.height; }
   std::vector<std::span<std::byte>> sums();
   std::vector<vec3> shown();
+  std::vector<vec3> shownBy(DenoiseMethod method) const;
   void addLayers(std::uint32_t x, std::uint32_t y, std::vector<float>& values) const;
 
   RenderSettings settings_;
   PictureLayers layers_;
   std::shared_ptr<const Model> model_;
   Camera view_;
+  DenoiseMethod method_;
   Goal goal_;
   VoxelLight light_;
   SampleTaker samples_;

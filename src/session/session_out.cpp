@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "src/core/clock.h"
+#include "src/core/error.h"
 #include "src/session/checkpoint.h"
 #include "src/session/session.h"
 
@@ -10,14 +11,32 @@ namespace trex {
 /// The frame as a screen or a file shows it.
 std::vector<vec3> Session::shown() {
   const double mark = secondsNow();
-  ShownPicture picture(*frame_, settings_.width, settings_.height, shownOptions());
+  DenoiseMethod method = method_;
+  report_.denoiseProblem.clear();
+  std::vector<vec3> picture;
+  try {
+    picture = shownBy(method);
+  } catch (const Error& e) {
+    if (!isOidn(method)) throw;
+    report_.denoiseProblem = e.what();
+    method = DenoiseMethod::kFilter;
+    picture = shownBy(method);
+  }
+  report_.filterSeconds = method_ == DenoiseMethod::kOff ? 0.0 : secondsNow() - mark;
+  report_.denoiser = denoiserName(method);
+  return picture;
+}
+
+std::vector<vec3> Session::shownBy(DenoiseMethod method) const {
+  ShownOptions options = shownOptions();
+  options.method = method;
+  ShownPicture picture(*frame_, settings_.width, settings_.height, options);
   picture.advance([] { return true; });
-  report_.filterSeconds = settings_.denoise ? secondsNow() - mark : 0.0;
   return picture.take();
 }
 
 ShownOptions Session::shownOptions() const {
-  return {settings_.denoise, settings_.exact > 0.0 && settings_.exact < 1.0, 1};
+  return {method_, settings_.exact > 0.0 && settings_.exact < 1.0, 1};
 }
 
 Picture Session::picture() {

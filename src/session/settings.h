@@ -23,6 +23,14 @@ enum class PhotonKind : std::uint8_t {
   kVoxel,  ///< through the voxels, on the device
 };
 
+/// What takes the noise of a picture.
+enum class Denoise : std::uint8_t {
+  kOff,
+  kFilter,  ///< of ours: src/frame/denoise.h
+  kOidn,    ///< Open Image Denoise, or an error
+  kAuto,  ///< Open Image Denoise where it can be used and pays, else the filter; nothing at exact 1
+};
+
 struct RenderSettings {
   static constexpr int kBestDevice = -1;
   static constexpr int kNoDevice = -2;
@@ -36,7 +44,7 @@ struct RenderSettings {
   int device = kBestDevice;  ///< number of a Vulkan device, or one of the above
   GuessKind guess = GuessKind::kAuto;
   PhotonKind photonKind = PhotonKind::kAuto;
-  bool denoise = false;            ///< filter the guess and its correction; only with exact < 1
+  Denoise denoise = Denoise::kOff;
   bool transparent = false;        ///< no background; R, G, B are premultiplied by the layer A
   bool interactive = false;        ///< driven by step(), see session.h
   std::uint64_t photons = 0;       ///< at least so many before the first sample

@@ -97,7 +97,8 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
       return value(px, py);
     });
   };
-  if (!options.denoise) {
+  method_ = options.method;
+  if (method_ == DenoiseMethod::kOff) {
     picture_ = each([&](Pixel x, Pixel y) { return sums.mean(x, y); });
     return;
   }
@@ -110,7 +111,11 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
     guess_.emplace(thinFeatures(features, step, source), few);
     return;
   }
-  guess_.emplace(features, few);
+  if (isOidn(method_)) {
+    gatherParts(frame);
+  } else {
+    guess_.emplace(features, few);
+  }
   if (!options.pairs) return;
   for (Pixel y = 0; y < height; ++y) {
     for (Pixel x = 0; x < width; ++x) {
@@ -128,7 +133,33 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
   correction_.emplace(correctionOf(sums, features, each, scattering_));
 }
 
+/// Of the whole frame: what pixels show, and their light, direct and indirect apart where the
+/// method is thorough.
+void ShownPicture::gatherParts(const FrameBuffers& frame) {
+  using Pixel = std::uint32_t;
+  const FeatureImage& features = *frame.features;
+  const std::uint32_t width = features.width(), height = features.height();
+  const auto each = [&](const auto& value) { return collect(width, height, 1, value); };
+  guides_ = {width, height, each([&](Pixel x, Pixel y) { return features.mean(x, y).albedo; }),
+             each([&](Pixel x, Pixel y) { return features.mean(x, y).normal; })};
+  parts_.push_back(each([&](Pixel x, Pixel y) { return features.light(x, y); }));
+  if (method_ != DenoiseMethod::kOidnThorough) return;
+  std::vector<vec3>& all = parts_.front();
+  std::vector<vec3> direct = each([&](Pixel x, Pixel y) {
+    const vec3& light = all[std::size_t{y} * width + x];
+    const vec3 own = vec3(frame.sums.guess(x, y).mean()) - light;
+    return glm::clamp(vec3(frame.direct->guess(x, y)) - own, vec3(0.0f), light);
+  });
+  for (std::size_t i = 0; i < all.size(); ++i) all[i] -= direct[i];
+  parts_.push_back(std::move(direct));
+}
+
 bool ShownPicture::advance(const std::function<bool()>& keepGoing) {
+  if (!parts_.empty()) {
+    lit_ = denoiseLight(*findOidn().library, std::move(guides_), parts_,
+                        method_ == DenoiseMethod::kOidnThorough);
+    parts_.clear();
+  }
   if (guess_) {
     if (!guess_->advance(keepGoing)) return false;
     lit_ = guess_->result();

@@ -7,12 +7,14 @@
 #include <vector>
 
 #include "src/frame/denoise.h"
+#include "src/frame/oidn.h"
+#include "src/session/denoiser.h"
 #include "src/session/frame_buffers.h"
 
 namespace trex {
 
 struct ShownOptions {
-  bool denoise = false;
+  DenoiseMethod method = DenoiseMethod::kOff;
   bool pairs = false;  ///< the frame keeps differences
   /// Every so manieth pixel alone, each of which must have a sample; 1: all of them, and where one
   /// has none yet that of its lattice before it.
@@ -24,7 +26,8 @@ class ShownPicture {
  public:
   ShownPicture(const FrameBuffers& frame, std::uint32_t width, std::uint32_t height,
                const ShownOptions& options);
-  /// Works until done or keepGoing() says no, asked about every millisecond. True once done.
+  /// Works until done or keepGoing() says no, asked about every millisecond; Open Image Denoise is
+  /// not interrupted. True once done. Throws Error(kMemoryOrDevice) if that fails.
   bool advance(const std::function<bool()>& keepGoing);
   /// Once advance() is true: row by row, ceil(width / spacing) wide.
   std::vector<vec3> take() { return std::move(picture_); }
@@ -32,12 +35,17 @@ class ShownPicture {
  private:
   void gather(const FrameBuffers& frame, std::uint32_t width, std::uint32_t height,
               const ShownOptions& options);
+  void gatherParts(const FrameBuffers& frame);
 
   std::vector<vec3> picture_;      ///< until done, what is not filtered
   std::vector<vec3> lit_;          ///< what is filtered
   double missing_ = 0.0;           ///< sum of the differences to exact paths that lit_ is without
   std::vector<float> scattering_;  ///< shares of the pixels that the correction is of
   std::optional<GuessFilter> guess_, correction_;
+  // For Open Image Denoise:
+  DenoiseMethod method_ = DenoiseMethod::kOff;
+  OidnGuides guides_;
+  std::vector<std::vector<vec3>> parts_;  ///< of the light
 };
 
 }  // namespace trex

@@ -89,7 +89,8 @@ void Screen::start(const Session& session) {
   const bool finer = spacing_ == 0 || spacing < spacing_;
   const bool more = spacing == 1 && progress > progress_ * kRefreshGrowth;
   const bool last = spacing == 1 && progress != progress_ && session.resting();
-  const bool plain = spacing == 1 && progress != progress_ && !session.shownOptions().denoise;
+  const bool plain =
+      spacing == 1 && progress != progress_ && session.shownOptions().method == DenoiseMethod::kOff;
   if (!finer && !more && !last && !plain) return;
   ShownOptions options = session.shownOptions();
   options.spacing = spacing;

@@ -158,7 +158,8 @@ void Viewer::savePicture(const fs::path& path) {
                       {"trex:scene", m.input.string()},
                       {"trex:samples", std::to_string(m.session->samplesDone())},
                       {"trex:seed", std::to_string(m.options.settings.seed)},
-                      {"trex:exact", fmt::format("{}", m.options.settings.exact)}};
+                      {"trex:exact", fmt::format("{}", m.options.settings.exact)},
+                      {"trex:denoised", m.session->report().denoiser}};
   writePicture(path, picture, ToneMap{m.shownLook.exposure, m.state.toneOperator});
 }
 
@@ -251,7 +252,7 @@ std::string Viewer::headlessCommand(const std::string& editsPath, const std::str
     command +=
         s.photonKind == PhotonKind::kRay ? " --photon-bounces ray" : " --photon-bounces voxel";
   }
-  if (!s.denoise) command += " --denoise off";
+  command += s.denoise == Denoise::kOff ? " --denoise off" : " --denoise filter";
   if (m.state.toneOperator != kDefaultToneOperator) {
     command += " --tonemap " + toneOperatorNames()[static_cast<std::size_t>(m.state.toneOperator)];
   }

@@ -2,7 +2,7 @@
 """Prints the picture-quality figures of the README: exact mode against references of another renderer,
 early quality, bias of the guess, consistency of the hybrid, what the filter does to the mean.
 
-    tests/bench/quality_bars.py [--trex build/trex] [--only early,first,filter,bias,exact,consistent] [--scenes a,b]
+    tests/bench/quality_bars.py [--trex build/trex] [--only early,first,filter,denoisers,bias,exact,consistent] [--scenes a,b]
                                 [--against OTHER_TREX] [--runs 5] [--seconds 40] [--out FOLDER]
                                 [-- further options of trex render]
 
@@ -101,13 +101,30 @@ def filtered(run):
         ratios = []
         for count in counts:
             means = []
-            for how in ("auto", "off"):
+            for how in ("filter", "off"):
                 arguments = ["--exact", "0", "--spp", count, "--denoise", how, "--device", "none"]
                 picture, _ = run.render(scene, f"filter-{how}", arguments)
                 means.append(run.quality.read(picture).mean())
             ratios.append(means[0] / means[1])
         rows.append((scene, *(f"{r:.4f}" for r in ratios)))
     return ("scene", *(f"filtered over unfiltered mean, {c} samples" for c in counts)), rows
+
+
+def denoisers(run):
+    """FLIP of the denoisers for the same samples, and what they take. The library's quick way is that of a short time."""
+    rows, means = [], {}
+    for scene in run.options.scenes:
+        row = [scene]
+        for count in ("1", "16"):
+            for how in ("off", "filter", "oidn"):
+                arguments = ["--exact", "0", "--spp", count, "--denoise", how, "--device", "none"]
+                picture, report = run.render(scene, f"denoise-{how}", arguments)
+                score = run.score(scene, picture)
+                means.setdefault((count, how), []).append(score["flip"])
+                row.append(f"{score['flip']:.3f} ({report['filter_seconds']:.2f} s)")
+        rows.append(row)
+    rows.append(["mean", *(f"{statistics.mean(means[c, h]):.3f}" for c in ("1", "16") for h in ("off", "filter", "oidn"))])
+    return ("scene", *(f"{h}, {c}" for c in ("1 sample", "16") for h in ("off", "filter", "oidn"))), rows
 
 
 def bias(run):
@@ -173,7 +190,7 @@ def main():
     options.scenes = options.scenes.split(",")
     run = Runner(options)
     for name in options.only.split(","):
-        measures = {"early": early, "first": first, "filter": filtered, "bias": bias, "exact": exact,
+        measures = {"early": early, "first": first, "filter": filtered, "denoisers": denoisers, "bias": bias, "exact": exact,
                     "consistent": consistent}
         header, rows = measures[name](run)
         print(f"\n| {' | '.join(header)} |\n|{'---|' * len(header)}")

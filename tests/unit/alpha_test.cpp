@@ -35,7 +35,7 @@ Picture render(const Scene& scene, double exact, std::uint32_t samples, bool den
   s.samples = samples;
   s.exact = exact;
   s.device = RenderSettings::kNoDevice;
-  s.denoise = denoise;
+  s.denoise = denoise && exact < 1.0 ? Denoise::kFilter : Denoise::kOff;
   s.transparent = true;
   Session session(model, scene.cameras.front(), s);
   session.run();

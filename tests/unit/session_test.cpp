@@ -44,7 +44,7 @@ RenderSettings settings(double exact, std::uint32_t samples, GuessKind guess = G
   s.exact = exact;
   s.device = RenderSettings::kNoDevice;
   s.guess = guess;
-  s.denoise = exact <= 0.0;
+  s.denoise = exact <= 0.0 ? Denoise::kFilter : Denoise::kOff;
   return s;
 }
 
@@ -167,7 +167,7 @@ TEST(Filter, KeepsTheMean) {
     RenderSettings s = settings(0.0, samples);
     double mean[2];
     for (const bool filtered : {false, true}) {
-      s.denoise = filtered;
+      s.denoise = filtered ? Denoise::kFilter : Denoise::kOff;
       const auto r = session(s);
       r->run();
       mean[filtered ? 1 : 0] = meanOf(r->picture(), "G");
@@ -182,7 +182,7 @@ TEST(Filter, KeepsTheMeanOfTheCorrection) {
     RenderSettings s = settings(0.25, samples);
     double mean[2];
     for (const bool filtered : {false, true}) {
-      s.denoise = filtered;
+      s.denoise = filtered ? Denoise::kFilter : Denoise::kOff;
       const auto r = session(s);
       r->run();
       const Picture p = r->picture();
@@ -217,7 +217,7 @@ TEST(Filter, LeavesAloneWhatIsNotLit) {
   std::vector<Picture> pictures;
   for (const bool filtered : {false, true}) {
     RenderSettings s = settings(0.0, 16);
-    s.denoise = filtered;
+    s.denoise = filtered ? Denoise::kFilter : Denoise::kOff;
     Session r(model, camera, s, kAll);
     r.run();
     pictures.push_back(r.picture());
@@ -250,7 +250,7 @@ TEST(Guess, IndirectLightIsRightWhateverTheLeaves) {
   const auto indirect = [&](double exact, std::uint32_t samples, int depth) {
     RenderSettings s = settings(exact, samples);
     s.width = s.height = 32;
-    s.denoise = false;
+    s.denoise = Denoise::kOff;
     Session r(std::make_shared<const Model>(
                   makeModel(scene, {.voxels = depth > 0, .voxelDepth = std::max(depth, 1)})),
               camera, s, kAll);
@@ -270,7 +270,7 @@ TEST(Layers, DirectAndIndirectMakeTheMean) {
   for (const double exact : {0.0, 0.5, 1.0}) {
     for (const GuessKind guess : {GuessKind::kRay, GuessKind::kCone}) {
       RenderSettings s = settings(exact, 8, guess);
-      s.denoise = false;
+      s.denoise = Denoise::kOff;
       const auto r = session(s);
       r->run();
       const Picture p = r->picture();

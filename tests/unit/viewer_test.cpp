@@ -38,7 +38,7 @@ class ViewerTest : public testing::Test {
     o.settings.height = kHeight;
     o.settings.samples = 6;  // past the first change of light
     o.settings.exact = exact;
-    o.settings.denoise = true;
+    o.settings.denoise = Denoise::kFilter;
     o.settings.device = RenderSettings::kNoDevice;
     return o;
   }

@@ -14,7 +14,7 @@ namespace {
 
 /// As written; read once all are there.
 struct Texts {
-  std::string input, edits, size = "1280x720", device = "auto", guess = "auto", denoise = "auto";
+  std::string input, edits, size = "1280x720", device = "auto", guess = "auto";
   std::string stale = "refuse", maxMemory, maxGpuMemory, replay, report, screenshotFolder = ".";
   std::uint32_t samples = 4096;
   double budgetMs = 33.0;
@@ -44,9 +44,7 @@ void addOptions(CLI::App& c, Texts& t, ViewArguments& a) {
       ->check(CLI::IsMember({"auto", "ray", "cone"}))
       ->capture_default_str();
   addPhotonBounces(c, a.viewer.settings.photonKind);
-  c.add_option("--denoise", t.denoise, "Filter the guess and its correction: auto or off")
-      ->check(CLI::IsMember({"auto", "off"}))
-      ->capture_default_str();
+  addDenoise(c, s.denoise);
   c.add_option("--device", t.device, "Vulkan device of the G-rays: number, auto or none")
       ->capture_default_str();
   c.add_option("--seed", s.seed, "Seed of all random numbers")->capture_default_str();
@@ -75,12 +73,14 @@ void read(const Texts& t, ViewArguments& a) {
   if (!t.report.empty() && t.replay.empty()) {
     fail(ExitCode::kUsage, "--report: needs --replay SCRIPT to report on");
   }
+  if (s.denoise == Denoise::kOidn) {
+    fail(ExitCode::kUsage, "--denoise oidn: the window has the filter alone; see trex denoise");
+  }
   parseSize(t.size, a.width, a.height);
   s.width = a.width;
   s.height = a.height;
   s.samples = t.samples;
   s.device = parseDevice(t.device);
-  s.denoise = t.denoise == "auto";
   s.guess = t.guess == "ray"    ? GuessKind::kRay
             : t.guess == "cone" ? GuessKind::kCone
                                 : GuessKind::kAuto;

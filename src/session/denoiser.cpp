@@ -1,0 +1,118 @@
+#include "src/session/denoiser.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <mutex>
+#include <vector>
+
+#include "src/core/clock.h"
+#include "src/core/error.h"
+#include "src/core/log.h"
+#include "src/core/memory.h"
+#include "src/frame/denoise.h"
+#include "src/frame/oidn.h"
+
+namespace trex {
+namespace {
+
+/// Of the seconds of a render that `auto` spends on Open Image Denoise, and of the memory.
+constexpr double kMostTime = 0.25;
+constexpr std::uint64_t kMostMemoryPart = 4;
+/// Work of the thorough way over that of the quick one, of two parts of light (docs/figures.md).
+constexpr double kThorough = 6.0;
+
+/// The shorter of two runs.
+template <typename Run>
+double secondsOf(const Run& run) {
+  double best = kInfinity;
+  for (int i = 0; i < 2; ++i) {
+    const double mark = secondsNow();
+    run();
+    best = std::min(best, secondsNow() - mark);
+  }
+  return best;
+}
+
+/// Seconds a pixel that the filter takes here, at most: every neighbour counts on an even picture.
+double filterSeconds() {
+  constexpr std::uint32_t kSide = 64;
+  FeatureImage features(kSide, kSide);
+  const std::vector<vec3> even(kSide * kSide, vec3(1.0f));
+  return secondsOf([&] { denoiseGuess(features, even, even); }) / (kSide * kSide);
+}
+
+/// Seconds a pixel of the quick way.
+double oidnSeconds(const Oidn& library) {
+  constexpr std::uint32_t kSide = 128;
+  static const double seconds = [&] {
+    const std::vector<vec3> even(kSide * kSide, vec3(0.5f));
+    const OidnGuides guides{kSide, kSide, even, even};
+    return secondsOf([&] { denoiseLight(library, guides, {even}, false); }) / (kSide * kSide);
+  }();
+  return seconds;
+}
+
+/// Said once: every render of a job asks.
+void warnOfBroken(const std::string& problem) {
+  static std::once_flag said;
+  std::call_once(said, [&] { logWarning("{}", problem); });
+}
+
+/// The way that the time allows.
+DenoiseMethod oidnMethod(const RenderSettings& s) {
+  const auto fits = [&](DenoiseMethod m) {
+    return !(s.seconds > 0.0) || denoiseSeconds(m, s) <= kMostTime * s.seconds;
+  };
+  if (fits(DenoiseMethod::kOidnThorough)) return DenoiseMethod::kOidnThorough;
+  const bool asked = s.denoise == Denoise::kOidn;
+  return asked || fits(DenoiseMethod::kOidnQuick) ? DenoiseMethod::kOidnQuick
+                                                  : DenoiseMethod::kFilter;
+}
+
+}  // namespace
+
+bool mayUseOidn(const RenderSettings& s) {
+  if (s.denoise == Denoise::kOidn) {
+    const OidnSearch& search = findOidn();
+    if (!search.library) fail(ExitCode::kMemoryOrDevice, "--denoise oidn: {}", search.problem);
+    return true;
+  }
+  if (s.denoise != Denoise::kAuto || s.exact >= 1.0 || s.interactive) return false;
+  const std::uint64_t machine = availableMemoryLimit();
+  const std::uint64_t allowed = s.maxMemory > 0 ? std::min(s.maxMemory, machine) : machine;
+  if (Oidn::bytesNeeded(s.width, s.height) > allowed / kMostMemoryPart) return false;
+  const OidnSearch& search = findOidn();
+  if (search.broken && !search.library) warnOfBroken(search.problem);
+  return search.library != nullptr;
+}
+
+DenoiseMethod denoiseMethod(const RenderSettings& s) {
+  if (s.denoise == Denoise::kOff) return DenoiseMethod::kOff;
+  try {
+    if (mayUseOidn(s)) return oidnMethod(s);
+  } catch (const Error& e) {
+    if (s.denoise == Denoise::kOidn) throw;
+    warnOfBroken(e.what());
+  }
+  const bool untouched = s.denoise == Denoise::kAuto && s.exact >= 1.0;
+  return untouched ? DenoiseMethod::kOff : DenoiseMethod::kFilter;
+}
+
+double denoiseSeconds(DenoiseMethod method, const RenderSettings& s) {
+  if (method == DenoiseMethod::kOff) return 0.0;
+  const bool pairs = s.exact > 0.0 && s.exact < 1.0;
+  const double pixels = static_cast<double>(s.width) * s.height;
+  if (!isOidn(method)) return (pairs ? 2.0 : 1.0) * filterSeconds() * pixels;
+  const double times = method == DenoiseMethod::kOidnThorough ? kThorough : 1.0;
+  return (times * oidnSeconds(*findOidn().library) + (pairs ? filterSeconds() : 0.0)) * pixels;
+}
+
+std::string denoiserName(DenoiseMethod method) {
+  if (method == DenoiseMethod::kOff) return "none";
+  if (!isOidn(method)) return "filter";
+  const Oidn& library = *findOidn().library;
+  return fmt::format("oidn {} ({})", library.version(), library.device());
+}
+
+}  // namespace trex

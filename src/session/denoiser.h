@@ -1,0 +1,36 @@
+// Which denoiser a render takes, and for how long.
+#pragma once
+
+#include <string>
+
+#include "src/session/settings.h"
+
+namespace trex {
+
+enum class DenoiseMethod : std::uint8_t {
+  kOff,
+  kFilter,        ///< src/frame/denoise.h
+  kOidnQuick,     ///< Open Image Denoise, all light in one go
+  kOidnThorough,  ///< guides smoothed first, direct and indirect light apart
+};
+
+/// Whether Open Image Denoise may be taken: it is asked for, or `auto` finds it, there is memory
+/// for it, and the picture is not exact. The same for every render with these settings here. Throws
+/// Error(kMemoryOrDevice) if it is asked for and can't be used.
+bool mayUseOidn(const RenderSettings& settings);
+
+/// The choice. With a limit of time Open Image Denoise is tried out first, and what would take
+/// more than a quarter of the time is not taken by `auto`. Throws as mayUseOidn().
+DenoiseMethod denoiseMethod(const RenderSettings& settings);
+
+/// Seconds that denoising a whole picture takes here, about.
+double denoiseSeconds(DenoiseMethod method, const RenderSettings& settings);
+
+/// "none", "filter", or "oidn VERSION (DEVICE)".
+std::string denoiserName(DenoiseMethod method);
+
+inline bool isOidn(DenoiseMethod m) {
+  return m == DenoiseMethod::kOidnQuick || m == DenoiseMethod::kOidnThorough;
+}
+
+}  // namespace trex
