@@ -8,7 +8,6 @@
 #include <optional>
 
 #include "src/app/app.h"
-#include "src/command/parse.h"
 #include "src/core/clock.h"
 #include "src/core/error.h"
 #include "src/core/file.h"
@@ -22,7 +21,6 @@ namespace {
 
 struct DenoiseArguments {
   std::string input, output;
-  Denoise denoise = Denoise::kAuto;
   int threads = 0;
   bool json = false;
 };
@@ -36,17 +34,7 @@ double sumOf(const Picture& picture, const PictureLayersFound& layers) {
   return sum;
 }
 
-void checkFinite(const Picture& picture, const std::string& name) {
-  const std::size_t stride = picture.channels.size();
-  for (std::size_t i = 0; i < picture.values.size(); ++i) {
-    if (std::isfinite(picture.values[i])) continue;
-    const std::size_t pixel = i / stride;
-    fail(ExitCode::kInput, "{}: {} of pixel {},{} is not finite, which --denoise filter can't take",
-         name, picture.channels[i % stride], pixel % picture.width, pixel / picture.width);
-  }
-}
-
-void byOidn(const DenoiseArguments& a, Picture& picture, const PictureLayersFound& layers) {
+void warnOfMissing(const DenoiseArguments& a, const PictureLayersFound& layers) {
   if (layers.albedo().empty()) {
     logWarning("{}: has no albedo layer: textures may get soft{}", a.input,
                layers.normal().empty() ? ", and without a normal layer edges too"
@@ -54,31 +42,6 @@ void byOidn(const DenoiseArguments& a, Picture& picture, const PictureLayersFoun
   } else if (layers.normal().empty()) {
     logWarning("{}: has no normal layer: edges of one colour may get soft", a.input);
   }
-  layers.denoise(picture, *findOidn().library);
-}
-
-void byFilter(const DenoiseArguments& a, Picture& picture, const PictureLayersFound& layers) {
-  const std::string missing = layers.missingForFilter();
-  if (!missing.empty()) {
-    const std::string& why = findOidn().problem;
-    fail(ExitCode::kInput, "{}: has no layers {} for the filter (render with --aov all){}{}",
-         a.input, missing, a.denoise == Denoise::kAuto ? "; " : "",
-         a.denoise == Denoise::kAuto ? why : "");
-  }
-  checkFinite(picture, a.input);
-  layers.filter(picture);
-}
-
-/// Which one; throws Error(kMemoryOrDevice) if the one asked for is not there.
-DenoiseMethod methodOf(Denoise asked) {
-  if (asked == Denoise::kFilter) return DenoiseMethod::kFilter;
-  const OidnSearch& search = findOidn();
-  if (search.library) return DenoiseMethod::kOidnThorough;
-  if (asked == Denoise::kOidn) {
-    fail(ExitCode::kMemoryOrDevice, "--denoise oidn: {}", search.problem);
-  }
-  if (search.broken) logWarning("{}", search.problem);
-  return DenoiseMethod::kFilter;
 }
 
 void setMetadata(Picture& picture, const std::string& key, const std::string& value) {
@@ -87,7 +50,6 @@ void setMetadata(Picture& picture, const std::string& key, const std::string& va
 }
 
 void denoise(const DenoiseArguments& a) {
-  if (a.denoise == Denoise::kOff) fail(ExitCode::kUsage, "--denoise off: leaves nothing to do");
   if (!isExr(a.output)) {
     fail(ExitCode::kUsage, "-o {}: a denoised picture keeps its layers; use .exr", a.output);
   }
@@ -99,15 +61,14 @@ void denoise(const DenoiseArguments& a) {
   }
   Picture picture = readPicture(a.input);
   const PictureLayersFound layers(picture, a.input);
+  const OidnSearch& search = findOidn();
+  if (!search.library) fail(ExitCode::kMemoryOrDevice, "{}", search.problem);
+  warnOfMissing(a, layers);
   const double before = sumOf(picture, layers), mark = secondsNow();
-  const DenoiseMethod method = methodOf(a.denoise);
-  if (isOidn(method)) {
-    byOidn(a, picture, layers);
-  } else {
-    byFilter(a, picture, layers);
-  }
+  layers.denoise(picture, *search.library);
   const double seconds = secondsNow() - mark;
-  setMetadata(picture, "trex:denoised", denoiserName(method));
+  const std::string by = denoiserName(DenoiseMethod::kOidnThorough);
+  setMetadata(picture, "trex:denoised", by);
   writePicture(a.output, picture, ToneMap{});
   if (!a.json) {
     fmt::print("{}\n", a.output);
@@ -120,7 +81,7 @@ void denoise(const DenoiseArguments& a) {
                               {"output", a.output},
                               {"width", picture.width},
                               {"height", picture.height},
-                              {"denoiser", denoiserName(method)},
+                              {"denoiser", by},
                               {"albedo_layer", named(layers.albedo())},
                               {"normal_layer", named(layers.normal())},
                               {"mean_ratio", before > 0.0 ? sumOf(picture, layers) / before : 1.0},
@@ -137,7 +98,6 @@ void addDenoiseCommand(CLI::App& app) {
                 "Picture (.exr) with layers albedo and normal, of this program or another")
       ->required();
   c->add_option("-o,--output", a->output, "The denoised picture (.exr)")->required();
-  addDenoise(*c, a->denoise);
   c->add_option("--threads", a->threads, "CPU threads [all]")->check(CLI::Range(1, 4096));
   c->add_flag("--json", a->json, "Print a JSON summary on stdout");
   c->callback([a] { denoise(*a); });

@@ -120,10 +120,30 @@ void keepMean(const std::vector<vec3>& in, std::vector<vec3>& out) {
     for (const vec3& v : light) sum += static_cast<double>(v.x + v.y + v.z);
     return sum;
   };
-  const double scale = sumOf(in) / sumOf(out);
+  const double before = sumOf(in);
+  if (before == 0.0) return out.assign(out.size(), vec3(0.0f));
+  const double scale = before / sumOf(out);
   if (!(scale <= kMost && scale >= 1.0 / kMost)) return;
   for (vec3& v : out) v *= static_cast<float>(scale);
 }
+
+/// Its networks see hardly anything of a picture smaller than this: its edges are repeated then.
+constexpr std::uint32_t kLeastSide = 32;
+
+/// A picture of another size: its edges repeated, or what lies beyond cut off.
+std::vector<vec3> resized(const std::vector<vec3>& from, std::uint32_t width, std::uint32_t height,
+                          std::uint32_t toWidth, std::uint32_t toHeight) {
+  std::vector<vec3> out;
+  out.reserve(std::size_t{toWidth} * toHeight);
+  for (std::uint32_t y = 0; y < toHeight; ++y) {
+    const std::size_t row = std::size_t{std::min(y, height - 1)} * width;
+    for (std::uint32_t x = 0; x < toWidth; ++x) out.push_back(from[row + std::min(x, width - 1)]);
+  }
+  return out;
+}
+
+/// By their names; the first is what is filtered.
+using Images = std::vector<std::pair<const char*, const std::vector<vec3>*>>;
 
 }  // namespace
 
@@ -137,9 +157,10 @@ struct Oidn::Impl {
   bool start(int type, std::string& problem);
   std::string nameOf(int type) const;
   void check() const;
-  std::vector<vec3> filter(std::uint32_t width, std::uint32_t height,
-                           const std::vector<std::pair<const char*, const std::vector<vec3>*>>& in,
-                           bool light, bool cleanGuides, OidnQuality quality) const;
+  std::vector<vec3> run(std::uint32_t width, std::uint32_t height, const Images& in, bool light,
+                        bool cleanGuides, OidnQuality quality) const;
+  std::vector<vec3> filter(std::uint32_t width, std::uint32_t height, const Images& in, bool light,
+                           bool cleanGuides, OidnQuality quality) const;
   void release() {
     if (handle != nullptr) api.releaseDevice(handle);
     handle = nullptr;
@@ -211,12 +232,10 @@ void Oidn::Impl::check() const {
        message != nullptr ? oneLine(message) : fmt::format("error {}", code));
 }
 
-/// One run of its filter. `in` are the images by their names; the first is what is filtered.
+/// One run of its filter.
 /// Buffers of the library are used everywhere: not every GPU reads the host's memory.
-std::vector<vec3> Oidn::Impl::filter(
-    std::uint32_t width, std::uint32_t height,
-    const std::vector<std::pair<const char*, const std::vector<vec3>*>>& in, bool light,
-    bool cleanGuides, OidnQuality quality) const {
+std::vector<vec3> Oidn::Impl::run(std::uint32_t width, std::uint32_t height, const Images& in,
+                                  bool light, bool cleanGuides, OidnQuality quality) const {
   const std::lock_guard lock(running);
   const std::size_t bytes = std::size_t{width} * height * sizeof(vec3);
   const auto releaseFilter = [this](void* f) { api.releaseFilter(f); };
@@ -249,6 +268,20 @@ std::vector<vec3> Oidn::Impl::filter(
   return out;
 }
 
+std::vector<vec3> Oidn::Impl::filter(std::uint32_t width, std::uint32_t height, const Images& in,
+                                     bool light, bool cleanGuides, OidnQuality quality) const {
+  const std::uint32_t w = std::max(width, kLeastSide), h = std::max(height, kLeastSide);
+  if (w == width && h == height) return run(w, h, in, light, cleanGuides, quality);
+  std::vector<std::vector<vec3>> larger;
+  larger.reserve(in.size());
+  Images images;
+  for (const auto& [name, image] : in) {
+    larger.push_back(resized(*image, width, height, w, h));
+    images.emplace_back(name, &larger.back());
+  }
+  return resized(run(w, h, images, light, cleanGuides, quality), w, h, width, height);
+}
+
 Oidn::Oidn(const std::string& file) : impl_(std::make_unique<Impl>()) {
   impl_->file = file;
   impl_->open();
@@ -274,7 +307,7 @@ std::vector<vec3> Oidn::denoise(const OidnGuides& guides, const std::vector<vec3
                                 OidnQuality quality) const {
   std::vector<vec3> in = light;
   clean(in);
-  std::vector<std::pair<const char*, const std::vector<vec3>*>> images{{"color", &in}};
+  Images images{{"color", &in}};
   // Of its networks none takes a normal without an albedo.
   if (!guides.albedo.empty()) {
     images.emplace_back("albedo", &guides.albedo);

@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "src/core/error.h"
-#include "src/frame/denoise.h"
 #include "src/frame/picture_reader.h"
 
 namespace trex {
@@ -33,27 +32,6 @@ vec3 finite(vec3 v, float least, float most) {
   return v;
 }
 
-/// Width of each pixel at what it shows: the distance to the nearest place beside it.
-std::vector<float> footprints(const std::vector<vec3>& places, std::uint32_t width,
-                              std::uint32_t height) {
-  std::vector<float> out(places.size(), 0.0f);
-  for (std::uint32_t y = 0; y < height; ++y) {
-    for (std::uint32_t x = 0; x < width; ++x) {
-      const std::size_t at = std::size_t{y} * width + x;
-      float nearest = static_cast<float>(kInfinity);
-      const auto look = [&](std::size_t other) {
-        nearest = std::min(nearest, glm::distance(places[at], places[other]));
-      };
-      if (x > 0) look(at - 1);
-      if (x + 1 < width) look(at + 1);
-      if (y > 0) look(at - width);
-      if (y + 1 < height) look(at + width);
-      out[at] = std::isfinite(nearest) ? nearest : 0.0f;
-    }
-  }
-  return out;
-}
-
 }  // namespace
 
 PictureLayersFound::Layer PictureLayersFound::find(const Picture& picture,
@@ -78,9 +56,7 @@ PictureLayersFound::PictureLayersFound(const Picture& picture, const std::string
       direct_(find(picture, {"direct"}, "RGB")),
       indirect_(find(picture, {"indirect"}, "RGB")),
       albedo_(find(picture, {"albedo", "Denoising Albedo"}, "RGB")),
-      normal_(find(picture, {"normal", "Denoising Normal", "sh_normal", "nn", "Ns", "N"}, "XYZ")),
-      position_(find(picture, {"position"}, "XYZ")),
-      variance_(find(picture, {"variance"}, "RGB")) {
+      normal_(find(picture, {"normal", "Denoising Normal", "sh_normal", "nn", "Ns", "N"}, "XYZ")) {
   if (color_.name.empty()) {
     fail(ExitCode::kInput, "{}: has no colours: neither R, G, B nor those of Combined or beauty",
          name);
@@ -127,37 +103,6 @@ void PictureLayersFound::denoise(Picture& picture, const Oidn& library) const {
   for (vec3& v : guides.albedo) v = finite(v, 0.0f, 1.0f);
   for (vec3& v : guides.normal) v = finite(v, -1.0f, 1.0f);
   put(picture, denoiseLight(library, std::move(guides), light(picture), true));
-}
-
-std::string PictureLayersFound::missingForFilter() const {
-  std::string missing;
-  const auto need = [&](const Layer& layer, const char* name) {
-    if (layer.name.empty()) missing += (missing.empty() ? "" : ", ") + std::string(name);
-  };
-  need(albedo_, "albedo");
-  need(normal_, "normal");
-  need(position_, "position");
-  need(variance_, "variance");
-  return missing;
-}
-
-void PictureLayersFound::filter(Picture& picture) const {
-  const std::vector<vec3> albedo = values(picture, albedo_), normal = values(picture, normal_),
-                          position = values(picture, position_),
-                          variance = values(picture, variance_);
-  const std::vector<float> footprint = footprints(position, picture.width, picture.height);
-  FeatureImage features(picture.width, picture.height);
-  for (std::size_t i = 0; i < albedo.size(); ++i) {
-    const bool black = albedo[i] == vec3(0.0f) && normal[i] != vec3(0.0f);
-    features.add(static_cast<std::uint32_t>(i % picture.width),
-                 static_cast<std::uint32_t>(i / picture.width),
-                 {albedo[i], normal[i], position[i], footprint[i], black ? 1.0f : 0.0f});
-  }
-  std::vector<vec3> sum(albedo.size(), vec3(0.0f));
-  for (const std::vector<vec3>& part : light(picture)) {
-    for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += part[i];
-  }
-  put(picture, denoiseGuess(features, sum, variance));
 }
 
 }  // namespace trex

@@ -1,4 +1,6 @@
-// Pictures that were made before, denoised by the layers of their files, of this program or others.
+// Pictures that were made before, denoised by Open Image Denoise with the layers of their files, of
+// this program or others. The filter of denoise.h needs what no file holds: what is seen of
+// emitters apart, and both surfaces of pixels at rims.
 #pragma once
 
 #include <initializer_list>
@@ -29,12 +31,6 @@ class PictureLayersFound {
   /// Error(kMemoryOrDevice).
   void denoise(Picture& picture, const Oidn& library) const;
 
-  /// What the filter needs and is not there, such as "position, variance"; empty if all is.
-  std::string missingForFilter() const;
-  /// Replaces the colours by the filter of this program, whose layers must all be there. Their
-  /// values must be finite.
-  void filter(Picture& picture) const;
-
  private:
   struct Layer {
     std::string name;
@@ -46,7 +42,7 @@ class PictureLayersFound {
   std::vector<std::vector<vec3>> light(const Picture& picture) const;
   void put(Picture& picture, const std::vector<vec3>& colors) const;
 
-  Layer color_, direct_, indirect_, albedo_, normal_, position_, variance_;
+  Layer color_, direct_, indirect_, albedo_, normal_;
 };
 
 }  // namespace trex

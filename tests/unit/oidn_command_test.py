@@ -33,8 +33,10 @@ class OidnTest(unittest.TestCase):
 
     def render(self, name, *arguments, **how):
         """The report, if there is one."""
-        result = self.run_trex("render", self.cornell, "-o", self.path(name), "--device", "none", "--size", "64x48",
-                               "--spp", 2, "--json", *arguments, **how)
+        for option, value in (("--size", "64x48"), ("--spp", 2)):
+            arguments = arguments if option in arguments else (option, value, *arguments)
+        result = self.run_trex("render", self.cornell, "-o", self.path(name), "--device", "none", "--json", *arguments,
+                               **how)
         return json.loads(result.stdout) if result.stdout else None
 
     def diff(self, a, b):
@@ -52,7 +54,7 @@ class OidnTest(unittest.TestCase):
         for arguments, want in ((("--exact", 0), oidn), (("--exact", 0.5), oidn), (("--exact", 1), "none"),
                                 (("--denoise", "oidn", "--exact", 1), oidn), (("--denoise", "filter"), "filter"),
                                 (("--denoise", "filter", "--exact", 1), "filter"), (("--denoise", "off"), "none"),
-                                (("--max-memory", "300M"), "filter")):
+                                (("--max-memory", "200M"), "filter")):
             report = self.render("a.exr", *arguments)
             self.assertEqual(report["denoiser"], want, arguments)
             self.assertEqual(report["filter_seconds"] > 0, want != "none", arguments)
@@ -134,8 +136,7 @@ class OidnTest(unittest.TestCase):
                         **{f"{normal}.{k}": v for k, v in normals.items()}}
             report = self.denoise(self.exr("in.exr", channels))
             self.assertEqual((report["albedo_layer"], report["normal_layer"]), (albedo, normal))
-            found = json.loads(self.run_trex("diff", self.path("out.exr"), self.path("in.exr"), "--json").stdout)
-            self.assertFalse(found["differ"])
+            self.assertAlmostEqual(report["mean_ratio"], 1.0, places=6)
         # The alpha of a picture stays, what is not finite counts as black.
         channels = {**rgb([(float("nan"), 1, 2), (float("inf"), 1, 1)]), "A": [0.5, 1.0]}
         self.denoise(self.exr("in.exr", channels), says="no albedo layer")
@@ -151,35 +152,21 @@ class OidnTest(unittest.TestCase):
         self.render("filtered.exr", "--denoise", "filter", "--aov", "albedo,normal,direct,indirect")
         self.render("only.exr", "--denoise", "filter", "--aov", "albedo,normal")
         self.denoise(self.path("filtered.exr"))
-        self.run_trex("diff", self.path("out.exr"), self.path("off.exr"), "--max", 1e-4, "--metric", "max", code=6)
         self.assertLess(self.diff("out.exr", "off.exr")["max_error"], 1e-4)
         self.denoise(self.path("only.exr"), code=3, says="denoised already")
         self.denoise(self.path("out.exr"))
-
-    def test_denoise_by_the_filter(self):
-        self.render("noisy.exr", "--denoise", "off", "--aov", "all")
-        self.render("truth.exr", "--denoise", "off", "--spp", 128)
-        report = self.denoise(self.path("noisy.exr"), "--denoise", "filter")
-        self.assertEqual(report["denoiser"], "filter")
-        self.assertAlmostEqual(report["mean_ratio"], 1.0, delta=0.02)
-        self.assertLess(self.diff("out.exr", "truth.exr")["relmse"], 0.5 * self.diff("noisy.exr", "truth.exr")["relmse"])
-        self.assertEqual(self.denoise(self.path("noisy.exr"), library="none")["denoiser"], "filter")
-        self.render("few.exr", "--denoise", "off", "--aov", "albedo,normal")
-        self.denoise(self.path("few.exr"), "--denoise", "filter", code=3, says="position, variance")
-        self.denoise(self.path("few.exr"), library="none", code=3, says="scripts/oidn")
 
     def test_denoise_refuses(self):
         picture = self.exr("in.exr", rgb([(1, 1, 1), (2, 2, 2)]))
         for arguments, code, says in (((picture, "-o", self.path("out.png")), 2, ".exr"),
                                       ((picture, "-o", self.path("no/out.exr")), 5, "no"),
-                                      ((picture, "-o", self.path("out.exr"), "--denoise", "off"), 2, "nothing to do"),
                                       ((picture,), 2, "output"),
                                       ((self.path("none.exr"), "-o", self.path("out.exr")), 3, "none.exr"),
                                       ((self.exr("depth.exr", {"depth": [1, 2]}), "-o", self.path("out.exr")), 3,
                                        "no colours")):
             self.run_trex("denoise", *arguments, code=code, says=says)
-        self.run_trex("denoise", picture, "-o", self.path("out.exr"), "--denoise", "oidn", library="none", code=4,
-                      says="scripts/oidn")
+        self.run_trex("denoise", picture, "-o", self.path("out.exr"), library="none", code=4, says="scripts/oidn")
+        self.run_trex("denoise", picture, "-o", self.path("out.exr"), mode="sick", code=4, says="not well")
         with open(picture, "rb") as f:
             data = f.read()
         with open(self.path("cut.exr"), "wb") as f:

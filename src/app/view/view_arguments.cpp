@@ -74,7 +74,7 @@ void read(const Texts& t, ViewArguments& a) {
     fail(ExitCode::kUsage, "--report: needs --replay SCRIPT to report on");
   }
   if (s.denoise == Denoise::kOidn) {
-    fail(ExitCode::kUsage, "--denoise oidn: the window has the filter alone; see trex denoise");
+    fail(ExitCode::kUsage, "--denoise oidn: the window has the filter alone; trex render has both");
   }
   parseSize(t.size, a.width, a.height);
   s.width = a.width;
