@@ -33,7 +33,7 @@ class OidnTest(unittest.TestCase):
 
     def render(self, name, *arguments, **how):
         """The report, if there is one."""
-        for option, value in (("--size", "64x48"), ("--spp", 2)):
+        for option, value in (("--size", "40x30"), ("--spp", 2)):
             arguments = arguments if option in arguments else (option, value, *arguments)
         result = self.run_trex("render", self.cornell, "-o", self.path(name), "--device", "none", "--json", *arguments,
                                **how)
@@ -95,9 +95,9 @@ class OidnTest(unittest.TestCase):
         self.assertEqual(self.run_trex("diff", self.path("a.exr"), self.path("c.exr")).returncode, 0)
 
     def test_a_time_limit(self):
-        report = self.render("a.exr", "--spp", 10000, "--time", 0.3)
+        report = self.render("a.exr", "--spp", 100000, "--time", 0.3)
         self.assertIn("oidn", report["denoiser"])
-        self.assertLess(report["samples"], 10000)
+        self.assertLess(report["samples"], 100000)
 
     def test_resumed(self):
         job = ["--size", "64x64", "--exact", 0.25, "--checkpoint", self.path("job")]
@@ -180,7 +180,7 @@ class OidnTest(unittest.TestCase):
         found = json.loads(self.run_trex("doctor", "--json", library="brought").stdout)["denoiser"]
         if found["default"] != "oidn":
             self.skipTest(found["problem"])
-        self.render("truth.exr", "--denoise", "off", "--spp", 256)
+        self.render("truth.exr", "--denoise", "off", "--spp", 128)
         for exact in (0, 0.25):
             self.render("off.exr", "--denoise", "off", "--exact", exact, library="brought")
             pictures = set()
