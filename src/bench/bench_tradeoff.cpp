@@ -74,13 +74,13 @@ json raysOf(const SessionReport& r) {
 }
 
 /// Takes the picture as it is, scores it, keeps it as an image of the report.
-json measure(Session& session, const Scorer& scorer, double& filterSeconds, json& shown) {
+json measure(Session& session, const Scorer& scorer, json& shown) {
   const ColorImage image = colorsOf(session.picture(), "picture");
   const SessionReport report = session.report();
-  filterSeconds = report.filterSeconds;
   json point = scorer.score(image);
   point["seconds"] = report.renderSeconds + report.filterSeconds;
   point["filter_seconds"] = report.filterSeconds;
+  point["denoiser"] = report.denoiser;
   point["samples"] = report.samplesDone;
   shown = {{"seconds", point["seconds"]}, {"png_base64", scorer.png(image)}};
   return point;
@@ -92,13 +92,12 @@ json runShare(const std::shared_ptr<const Model>& model, const TradeoffArguments
   settings.exact = share;
   Session session(model, model->scene.cameras.front(), settings);
   json run = {{"exact", share}, {"points", json::array()}};
-  double filter = 0.0;
   for (double target = kFirstPoint, last = 0.0; last < a.seconds && interruptedBy() == 0;) {
     target = std::min(target, a.seconds);
-    runUntil(session, std::max(target - filter, 0.1 * target));
+    runUntil(session, std::max(target - session.denoiseWithin(target), 0.1 * target));
     if (session.samplesDone() == 0) break;
     json shown;
-    json point = measure(session, scorer, filter, shown);
+    json point = measure(session, scorer, shown);
     last = point["seconds"];
     logInfo("{}, exact {}: {:.2f} s, {} samples, relMSE {:.4g}, FLIP {:.4f}", name, share, last,
             point["samples"].get<std::uint32_t>(), point["relmse"].get<double>(),

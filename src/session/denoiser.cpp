@@ -78,7 +78,7 @@ bool mayUseOidn(const RenderSettings& s) {
     if (!search.library) fail(ExitCode::kMemoryOrDevice, "--denoise oidn: {}", search.problem);
     return true;
   }
-  if (s.denoise != Denoise::kAuto || s.exact >= 1.0 || s.interactive) return false;
+  if (s.denoise != Denoise::kAuto || s.exact >= 1.0) return false;
   const std::uint64_t machine = availableMemoryLimit();
   const std::uint64_t allowed = s.maxMemory > 0 ? std::min(s.maxMemory, machine) : machine;
   if (Oidn::bytesNeeded(s.width, s.height) > allowed / kMostMemoryPart) return false;

@@ -142,6 +142,9 @@ class Session {
   /// The frame so far: R, G, B (filtered, if the settings ask for it), and the layers. Every pixel
   /// must have a sample.
   Picture picture();
+  /// Chooses the denoiser of the next picture() anew, as if the settings had this limit of seconds;
+  /// those that it will take, about.
+  double denoiseWithin(double seconds);
   SessionReport report() const;
   /// Writes all that is needed to go on later with the same bits: see checkpoint.h. `key` names the
   /// job. Throws Error(kOutput).

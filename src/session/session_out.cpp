@@ -27,6 +27,13 @@ std::vector<vec3> Session::shown() {
   return picture;
 }
 
+double Session::denoiseWithin(double seconds) {
+  RenderSettings limited = settings_;
+  limited.seconds = seconds;
+  method_ = denoiseMethod(limited);
+  return denoiseSeconds(method_, limited);
+}
+
 std::vector<vec3> Session::shownBy(DenoiseMethod method) const {
   ShownOptions options = shownOptions();
   options.method = method;

@@ -76,6 +76,7 @@ void read(const Texts& t, ViewArguments& a) {
   if (s.denoise == Denoise::kOidn) {
     fail(ExitCode::kUsage, "--denoise oidn: the window has the filter alone; trex render has both");
   }
+  if (s.denoise == Denoise::kAuto) s.denoise = s.exact < 1.0 ? Denoise::kFilter : Denoise::kOff;
   parseSize(t.size, a.width, a.height);
   s.width = a.width;
   s.height = a.height;
