@@ -4,12 +4,16 @@
 
 #include <algorithm>
 
+#include "src/frame/oidn.h"
+
 namespace trex {
 namespace {
 
 constexpr std::uint64_t kPairsThatTell = 2;  // a pixel, from which on there is a variance
 /// Of a pixel, from which on their own spread tells enough of their variance.
 constexpr std::uint64_t kSamplesThatTell = 4;
+/// Likewise, well enough to tell what a denoiser that does not know them has lost.
+constexpr std::uint64_t kSamplesThatTellTheRest = 16;
 
 /// Calls value(x, y) for every pixel of the lattice, in parallel by rows.
 template <typename Value>
@@ -39,17 +43,26 @@ void makeUp(std::vector<vec3>& lit, double missing) {
 
 /// The filter of the difference to exact paths. each(value): of all pixels. What scatters no light
 /// has none: `scattering` is the share of each pixel's samples that may have some, not 0.
+/// `denoised` is the guess's light if it has been denoised by something that does not fade as
+/// samples grow: what it lacks of their mean is to be corrected too. Else it is empty.
 template <typename Each>
 GuessFilter correctionOf(const Accumulator& sums, const FeatureImage& features, const Each& each,
-                         const std::vector<float>& scattering) {
+                         const std::vector<float>& scattering, const std::vector<vec3>& denoised) {
   using Pixel = std::uint32_t;
   // A rare bright path makes both mean and variance of its pixel large; a pixel that has met none
   // knows too little of them. So no variance counts as less than that of all pixels together.
   const dvec3 pooled = sums.pooledDifferenceVariance();
-  auto difference = each([&](Pixel x, Pixel y) { return sums.difference(x, y).mean(); });
+  auto difference = each([&](Pixel x, Pixel y) {
+    dvec3 all = sums.difference(x, y).mean();
+    if (!denoised.empty()) {
+      all += dvec3(features.light(x, y) - denoised[std::size_t{y} * features.width() + x]);
+    }
+    return all;
+  });
   auto spread = each([&](Pixel x, Pixel y) {
     const Moments d = sums.difference(x, y);
-    return glm::max(d.varianceOfMean(), pooled / static_cast<double>(d.count()));
+    const dvec3 own = glm::max(d.varianceOfMean(), pooled / static_cast<double>(d.count()));
+    return denoised.empty() ? own : own + sums.guess(x, y).varianceOfMean();
   });
   for (std::size_t i = 0; i < scattering.size(); ++i) {
     difference[i] /= scattering[i];
@@ -71,6 +84,36 @@ FeatureImage thinFeatures(const FeatureImage& all, std::uint32_t step, const Sou
     }
   });
   return out;
+}
+
+/// Parts the light of a frame, which is `parts`, into indirect and direct light.
+void takeDirectOut(const FrameBuffers& frame, std::vector<std::vector<vec3>>& parts) {
+  using Pixel = std::uint32_t;
+  std::vector<vec3>& all = parts.front();
+  const std::uint32_t width = frame.sums.width();
+  std::vector<vec3> direct = collect(width, frame.sums.height(), 1, [&](Pixel x, Pixel y) {
+    const vec3& light = all[std::size_t{y} * width + x];
+    const vec3 own = vec3(frame.sums.guess(x, y).mean()) - light;
+    return glm::clamp(vec3(frame.direct->guess(x, y)) - own, vec3(0.0f), light);
+  });
+  for (std::size_t i = 0; i < all.size(); ++i) all[i] -= direct[i];
+  parts.push_back(std::move(direct));
+}
+
+/// The light of a whole frame by Open Image Denoise: by what pixels show, direct and indirect apart
+/// if `thorough`.
+std::vector<vec3> byOidn(const FrameBuffers& frame, bool thorough) {
+  using Pixel = std::uint32_t;
+  const FeatureImage& features = *frame.features;
+  const std::uint32_t width = features.width(), height = features.height();
+  const auto each = [&](const auto& value) { return collect(width, height, 1, value); };
+  OidnGuides guides{width, height,
+                    each([&](Pixel x, Pixel y) { return features.mean(x, y).albedo; }),
+                    each([&](Pixel x, Pixel y) { return features.mean(x, y).normal; })};
+  std::vector<std::vector<vec3>> parts{
+      each([&](Pixel x, Pixel y) { return features.light(x, y); })};
+  if (thorough) takeDirectOut(frame, parts);
+  return denoiseLight(*findOidn().library, std::move(guides), parts, thorough);
 }
 
 }  // namespace
@@ -97,8 +140,7 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
       return value(px, py);
     });
   };
-  method_ = options.method;
-  if (method_ == DenoiseMethod::kOff) {
+  if (options.method == DenoiseMethod::kOff) {
     picture_ = each([&](Pixel x, Pixel y) { return sums.mean(x, y); });
     return;
   }
@@ -111,8 +153,8 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
     guess_.emplace(thinFeatures(features, step, source), few);
     return;
   }
-  if (isOidn(method_)) {
-    gatherParts(frame);
+  if (isOidn(options.method)) {
+    lit_ = byOidn(frame, options.method == DenoiseMethod::kOidnThorough);
   } else {
     guess_.emplace(features, few);
   }
@@ -130,36 +172,12 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
       scattering_.push_back(share > 0.0f ? share : 1.0f);
     }
   }
-  correction_.emplace(correctionOf(sums, features, each, scattering_));
-}
-
-/// Of the whole frame: what pixels show, and their light, direct and indirect apart where the
-/// method is thorough.
-void ShownPicture::gatherParts(const FrameBuffers& frame) {
-  using Pixel = std::uint32_t;
-  const FeatureImage& features = *frame.features;
-  const std::uint32_t width = features.width(), height = features.height();
-  const auto each = [&](const auto& value) { return collect(width, height, 1, value); };
-  guides_ = {width, height, each([&](Pixel x, Pixel y) { return features.mean(x, y).albedo; }),
-             each([&](Pixel x, Pixel y) { return features.mean(x, y).normal; })};
-  parts_.push_back(each([&](Pixel x, Pixel y) { return features.light(x, y); }));
-  if (method_ != DenoiseMethod::kOidnThorough) return;
-  std::vector<vec3>& all = parts_.front();
-  std::vector<vec3> direct = each([&](Pixel x, Pixel y) {
-    const vec3& light = all[std::size_t{y} * width + x];
-    const vec3 own = vec3(frame.sums.guess(x, y).mean()) - light;
-    return glm::clamp(vec3(frame.direct->guess(x, y)) - own, vec3(0.0f), light);
-  });
-  for (std::size_t i = 0; i < all.size(); ++i) all[i] -= direct[i];
-  parts_.push_back(std::move(direct));
+  const bool tells = frame.tiles.samplesDone() >= kSamplesThatTellTheRest;
+  correction_.emplace(
+      correctionOf(sums, features, each, scattering_, tells ? lit_ : std::vector<vec3>()));
 }
 
 bool ShownPicture::advance(const std::function<bool()>& keepGoing) {
-  if (!parts_.empty()) {
-    lit_ = denoiseLight(*findOidn().library, std::move(guides_), parts_,
-                        method_ == DenoiseMethod::kOidnThorough);
-    parts_.clear();
-  }
   if (guess_) {
     if (!guess_->advance(keepGoing)) return false;
     lit_ = guess_->result();

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "src/frame/denoise.h"
-#include "src/frame/oidn.h"
 #include "src/session/denoiser.h"
 #include "src/session/frame_buffers.h"
 
@@ -24,10 +23,11 @@ struct ShownOptions {
 /// One picture under way, of the frame as it was when this was made. One thread at a time.
 class ShownPicture {
  public:
+  /// Open Image Denoise, which can't be interrupted, does its part here; Error(kMemoryOrDevice) if
+  /// it fails.
   ShownPicture(const FrameBuffers& frame, std::uint32_t width, std::uint32_t height,
                const ShownOptions& options);
-  /// Works until done or keepGoing() says no, asked about every millisecond; Open Image Denoise is
-  /// not interrupted. True once done. Throws Error(kMemoryOrDevice) if that fails.
+  /// Works until done or keepGoing() says no, asked about every millisecond. True once done.
   bool advance(const std::function<bool()>& keepGoing);
   /// Once advance() is true: row by row, ceil(width / spacing) wide.
   std::vector<vec3> take() { return std::move(picture_); }
@@ -35,17 +35,12 @@ class ShownPicture {
  private:
   void gather(const FrameBuffers& frame, std::uint32_t width, std::uint32_t height,
               const ShownOptions& options);
-  void gatherParts(const FrameBuffers& frame);
 
   std::vector<vec3> picture_;      ///< until done, what is not filtered
   std::vector<vec3> lit_;          ///< what is filtered
   double missing_ = 0.0;           ///< sum of the differences to exact paths that lit_ is without
   std::vector<float> scattering_;  ///< shares of the pixels that the correction is of
   std::optional<GuessFilter> guess_, correction_;
-  // For Open Image Denoise:
-  DenoiseMethod method_ = DenoiseMethod::kOff;
-  OidnGuides guides_;
-  std::vector<std::vector<vec3>> parts_;  ///< of the light
 };
 
 }  // namespace trex

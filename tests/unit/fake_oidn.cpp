@@ -2,6 +2,7 @@
 // the colours as they are, and fails as the environment's FAKE_OIDN says:
 //   version3  is version 3        sick  no device works       gpu   the GPU fails, the CPU works
 //   tired     pictures larger than 64 pixels need too much memory
+//   flat      all light becomes its mean, as if all of it were noise
 //   nan       every second value that comes out is not a number
 // Built with FAKE_OIDN_OLD it lacks what version 1 lacks.
 #include <cstddef>
@@ -31,6 +32,18 @@ struct Filter {
   Device* device = nullptr;
   std::map<std::string, Buffer*> images;
 };
+
+void flatten(Buffer& light) {
+  std::vector<float> values(light.bytes.size() / 4);
+  std::memcpy(values.data(), light.bytes.data(), light.bytes.size());
+  for (std::size_t c = 0; c < 3; ++c) {
+    double sum = 0.0;
+    for (std::size_t i = c; i < values.size(); i += 3) sum += static_cast<double>(values[i]);
+    const auto mean = static_cast<float>(3.0 * sum / static_cast<double>(values.size()));
+    for (std::size_t i = c; i < values.size(); i += 3) values[i] = mean;
+  }
+  std::memcpy(light.bytes.data(), values.data(), light.bytes.size());
+}
 
 }  // namespace
 
@@ -100,6 +113,7 @@ void oidnExecuteFilter(void* filter) {
     out.bytes = f->images[name]->bytes;
     break;
   }
+  if (is("flat")) flatten(out);
   if (!is("nan")) return;
   for (std::size_t i = 0; i + 3 < out.bytes.size(); i += 8) {
     std::memset(out.bytes.data() + i, 0xff, 4);
