@@ -122,15 +122,6 @@ json readReport(const std::string& path) {
   return document;
 }
 
-void writeText(const fs::path& path, const std::string& text) {
-  writeAtomically(path, [&](const fs::path& temporary) {
-    std::ofstream file(temporary, std::ios::binary);
-    file << text;
-    file.close();
-    if (!file) fail(ExitCode::kOutput, "{}: can't be written", path.string());
-  });
-}
-
 /// Names of scenes may come from a report's text; they must not lead out of the folder.
 void writeCharts(const fs::path& folder, const json& document) {
   std::error_code error;
@@ -139,7 +130,8 @@ void writeCharts(const fs::path& folder, const json& document) {
   for (const json& scene : document.at("scenes")) {
     const std::string name = fs::path(scene.at("name").get<std::string>()).filename().string();
     for (const char* metric : {"relmse", "flip"}) {
-      writeText(folder / fmt::format("{}-{}.svg", name, metric), tradeoffSvg(scene, metric));
+      writeTextAtomically(folder / fmt::format("{}-{}.svg", name, metric),
+                          tradeoffSvg(scene, metric));
     }
   }
 }
@@ -161,9 +153,9 @@ void printTable(const json& document) {
 }
 
 void writeOutputs(const BenchArguments& a, const json& document) {
-  if (!a.json.empty() && a.json != "-") writeText(a.json, document.dump(1) + "\n");
+  if (!a.json.empty() && a.json != "-") writeTextAtomically(a.json, document.dump(1) + "\n");
   try {
-    if (!a.html.empty()) writeText(a.html, tradeoffHtml(document));
+    if (!a.html.empty()) writeTextAtomically(a.html, tradeoffHtml(document));
     if (!a.svg.empty()) writeCharts(a.svg, document);
     if (a.json == "-") {
       fmt::print("{}\n", document.dump(1));
@@ -195,7 +187,7 @@ int tradeoff(BenchArguments& a) {
   catchInterrupts();
   // Hours of work are kept as they are done.
   const auto keep = [&](const json& document) {
-    if (!a.json.empty() && a.json != "-") writeText(a.json, document.dump(1) + "\n");
+    if (!a.json.empty() && a.json != "-") writeTextAtomically(a.json, document.dump(1) + "\n");
   };
   writeOutputs(a, benchTradeoff(arguments, keep));
   const int signal = interruptedBy();
@@ -237,7 +229,7 @@ void addHccmeshBench(CLI::App& bench) {
       fmt::print("{}\n", document.dump(1));
     } else {
       printHccmeshBench(document);
-      if (!a->json.empty()) writeText(a->json, document.dump(1) + "\n");
+      if (!a->json.empty()) writeTextAtomically(a->json, document.dump(1) + "\n");
     }
     std::fflush(stdout);
   });
@@ -251,6 +243,7 @@ void addBenchCommand(CLI::App& app, int& exitCode) {
   bench->require_subcommand(1);
   addHccmeshBench(*bench);
   addBenchAsvoCommand(*bench);
+  addBenchScheduleCommand(*bench);
   CLI::App* c =
       bench->add_subcommand("tradeoff", "Error over time for several shares of exactness");
   c->add_option("SCENE", a->scenes, "Models: .gltf .glb .ply .obj .stl .xml .pbrt");

@@ -9,5 +9,7 @@ namespace trex {
 void addBenchCommand(CLI::App& app, int& exitCode);
 /// Adds `trex bench asvo`.
 void addBenchAsvoCommand(CLI::App& bench);
+/// Adds `trex bench schedule`.
+void addBenchScheduleCommand(CLI::App& bench);
 
 }  // namespace trex

@@ -11,7 +11,6 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <functional>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -316,14 +315,7 @@ void run(AsvoArguments& a) {
   if (a.json == "-") {
     fmt::print("{}\n", document.dump(1));
   } else {
-    if (!a.json.empty()) {
-      writeAtomically(a.json, [&](const std::filesystem::path& temporary) {
-        std::ofstream file(temporary, std::ios::binary);
-        file << document.dump(1) << "\n";
-        file.close();
-        if (!file) fail(ExitCode::kOutput, "{}: can't be written", a.json);
-      });
-    }
+    if (!a.json.empty()) writeTextAtomically(a.json, document.dump(1) + "\n");
     printTable(document);
   }
   std::fflush(stdout);

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "src/core/xml_text.h"
+
 namespace trex {
 namespace {
 
@@ -204,32 +206,6 @@ std::string chartSvg(const Chart& chart) {
   out += frame(chart, x, y) + legend(chart);
   for (std::size_t i = 0; i < chart.series.size(); ++i) out += curve(chart, i, x, y);
   return out + endLabels(chart, x, y) + "</svg>\n";
-}
-
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      case '\'':
-        out += "&#39;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
 }
 
 }  // namespace trex

@@ -24,7 +24,4 @@ struct Chart {
 /// out. Depends on the chart alone.
 std::string chartSvg(const Chart& chart);
 
-/// Text for XML and HTML: & < > " ' are replaced.
-std::string escaped(const std::string& text);
-
 }  // namespace trex

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "src/bench/chart.h"
+#include "src/core/xml_text.h"
 
 namespace trex {
 namespace {

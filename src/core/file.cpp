@@ -8,6 +8,7 @@
 #include <cerrno>
 #include <charconv>
 #include <cstring>
+#include <fstream>
 #include <system_error>
 
 #include "src/core/error.h"
@@ -52,6 +53,15 @@ void writeAtomically(const fs::path& target, const std::function<void(const fs::
     fs::remove(temporary, ignored);
     throw;
   }
+}
+
+void writeTextAtomically(const fs::path& target, const std::string& text) {
+  writeAtomically(target, [&](const fs::path& temporary) {
+    std::ofstream file(temporary, std::ios::binary);
+    file << text;
+    file.close();
+    if (!file) fail(ExitCode::kOutput, "{}: can't be written", target.string());
+  });
 }
 
 std::vector<fs::path> removeDeadTemporaries(const fs::path& target) {

@@ -14,6 +14,9 @@ namespace trex {
 void writeAtomically(const std::filesystem::path& target,
                      const std::function<void(const std::filesystem::path&)>& write);
 
+/// The same with this text, byte for byte.
+void writeTextAtomically(const std::filesystem::path& target, const std::string& text);
+
 /// Removes temporaries that processes which are gone left of writing `target`. Returns their paths.
 std::vector<std::filesystem::path> removeDeadTemporaries(const std::filesystem::path& target);
 

@@ -175,13 +175,7 @@ std::string lookText(const Look& look, const Scene& scene, const Look& source,
 
 void writeLook(const std::filesystem::path& path, const Look& look, const Scene& scene,
                const Look& source, const LookLight& light) {
-  const std::string text = lookText(look, scene, source, light);
-  writeAtomically(path, [&](const std::filesystem::path& temporary) {
-    std::ofstream file(temporary, std::ios::binary);
-    file.write(text.data(), static_cast<std::streamsize>(text.size()));
-    file.close();
-    if (!file) fail(ExitCode::kOutput, "{}: could not be written", path.string());
-  });
+  writeTextAtomically(path, lookText(look, scene, source, light));
 }
 
 Look readLook(const std::filesystem::path& path, const Scene& scene, const Look& source,

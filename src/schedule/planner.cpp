@@ -171,4 +171,24 @@ Schedule planDmda(const State& state, const Schedule& previous) {
   return std::move(board.schedule());
 }
 
+std::span<const NamedPlanner> allPlanners() {
+  static constexpr NamedPlanner kPlanners[] = {
+      {"most work",
+       [](const State& s, const Schedule& before) { return plan(s, before, Rule::kMostWork); },
+       true},
+      {"earliest start",
+       [](const State& s, const Schedule& before) { return plan(s, before, Rule::kEarliestStart); },
+       true},
+      {"earliest finish",
+       [](const State& s, const Schedule& before) {
+         return plan(s, before, Rule::kEarliestFinish);
+       },
+       true},
+      {"round robin", planRoundRobin, false},
+      {"LoadAnyOnce", planLoadAnyOnce, false},
+      {"dmda", planDmda, false},
+  };
+  return kPlanners;
+}
+
 }  // namespace trex::schedule

@@ -6,6 +6,8 @@
 // pure functions: a plan depends on its arguments alone, and on nothing twice. Thread safe.
 #pragma once
 
+#include <span>
+
 #include "src/schedule/state.h"
 
 namespace trex::schedule {
@@ -30,5 +32,15 @@ Schedule planLoadAnyOnce(const State& state, const Schedule& previous);
 /// Each job, once it is ready, to the device that would end it first, transfers included, behind
 /// what that has to do; data is brought ahead. The rule `dmda` of StarPU [Augonnet et al. 2011].
 Schedule planDmda(const State& state, const Schedule& previous);
+
+using Planner = Schedule (*)(const State& state, const Schedule& previous);
+
+struct NamedPlanner {
+  const char* name;
+  Planner plan;
+  bool foresees;  ///< Job::worth counts work that is expected, not only what waits
+};
+/// All of them: the default rule first, then ours, then the rivals.
+std::span<const NamedPlanner> allPlanners();
 
 }  // namespace trex::schedule

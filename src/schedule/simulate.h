@@ -7,15 +7,12 @@
 #include <vector>
 
 #include "src/schedule/graph.h"
+#include "src/schedule/planner.h"
 #include "src/schedule/schedule.h"
-#include "src/schedule/state.h"
 #include "src/schedule/timing.h"
 #include "src/schedule/walks.h"
 
 namespace trex::schedule {
-
-/// Any function of planner.h, Rule bound.
-using Planner = Schedule (*)(const State& state, const Schedule& previous);
 
 /// What a simulated machine truly does. All factors are at least 1: rates of graph and timing are
 /// those of a machine that nothing disturbs.
@@ -36,7 +33,7 @@ struct SimulationInput {
   Planner planner = nullptr;
   bool forecast = true;    ///< Job::worth and Item::need count what is expected, too
   double mostUnits = 2e6;  ///< of one job; the rest waits for the next
-  double horizon = 1.0;    ///< State::horizon
+  double horizon = 0.2;    ///< State::horizon; half of the time of a load or so
 };
 
 struct SimulationResult {

@@ -156,6 +156,36 @@ class BenchTest(unittest.TestCase):
         self.assertEqual(coarse.returncode, 2)
         self.assertEqual(run("bench", "hccmesh", os.path.join(self.folder, "none.glb")).returncode, 3)
 
+    def test_schedule(self):
+        path, picture, trace = (os.path.join(self.folder, name) for name in ("s.json", "s.svg", "s.trace.json"))
+        result = run("bench", "schedule", "--machines", "R,AR", "--model", "particles", "--seeds", 2, "--json", path,
+                     "-o", picture, "--trace", trace)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn("of LoadAnyOnce", result.stdout)
+        with open(path) as f:
+            d = json.load(f)
+        self.assertEqual((d["bench"], [row["machines"] for row in d["rows"]]), ("schedule", ["R", "AR"]))
+        rivals = {"earliest start", "earliest finish", "round robin", "LoadAnyOnce", "dmda"}
+        self.assertEqual(set(d["geometric_mean"]), rivals | {"bound"})
+        for row in d["rows"]:
+            self.assertGreaterEqual(row["of_bound"], 1)
+            self.assertEqual(set(row["of"]), rivals)
+            self.assertTrue(all(row["worst_of"][name] >= row["of"][name] > 0 for name in rivals))
+        again = run("bench", "schedule", "--machines", "R", "--model", "particles", "--seeds", 2, "--json", "-")
+        row = json.loads(again.stdout)["rows"][0]
+        self.assertEqual({k: v for k, v in row.items() if k != "plan_core_share"},
+                         {k: v for k, v in d["rows"][0].items() if k != "plan_core_share"})
+        texts = [t.text for t in xml.etree.ElementTree.parse(picture).iter(SVG + "text")]
+        for name in ("R CPU", "R GTX 980", "R SATA", "R PCIe"):
+            self.assertIn(name, texts)
+        with open(trace) as f:
+            events = json.load(f)["traceEvents"]
+        self.assertEqual({e["ph"] for e in events}, {"M", "X"})
+        self.assertTrue(all(e["dur"] >= 0 for e in events if e["ph"] == "X"))
+        for arguments in (["--machines", "Z"], ["--machines", ""], ["--model", "teapot"], ["--seeds", 0]):
+            self.assertEqual(run("bench", "schedule", *arguments).returncode, 2, arguments)
+        self.assertEqual(run("bench", "schedule", "--seeds", 1, "-o", "/no/such/folder/x.svg").returncode, 5)
+
     def test_wrong_uses(self):
         reference = os.path.join(self.folder, "reference.exr")
         with open(reference, "wb") as f:

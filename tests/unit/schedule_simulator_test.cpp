@@ -13,15 +13,8 @@
 namespace trex::schedule {
 namespace {
 
-Schedule mostWork(const State& s, const Schedule& p) { return plan(s, p, Rule::kMostWork); }
-Schedule earliestStart(const State& s, const Schedule& p) {
-  return plan(s, p, Rule::kEarliestStart);
-}
-Schedule earliestFinish(const State& s, const Schedule& p) {
-  return plan(s, p, Rule::kEarliestFinish);
-}
-constexpr Planner kAll[] = {mostWork,       earliestStart,   earliestFinish,
-                            planRoundRobin, planLoadAnyOnce, planDmda};
+const Planner mostWork = allPlanners()[0].plan, earliestStart = allPlanners()[1].plan,
+              earliestFinish = allPlanners()[2].plan;
 
 /// Disk to main memory at 1 byte a second, one device that takes a second a unit.
 struct Small {
@@ -68,19 +61,21 @@ TEST(ScheduleSimulator, KnownMakespans) {
   }
   Small onward(100.0, {10.0, 10.0});
   onward.walk({0, 1});
-  for (Planner p : kAll) EXPECT_DOUBLE_EQ(onward.play(p).makespan, 22.0);
+  for (const auto& [name, p, foresees] : allPlanners())
+    EXPECT_DOUBLE_EQ(onward.play(p).makespan, 22.0);
   Small child(100.0, {10.0, 10.0});
   child.walk({0});
   child.walk({1}, 0, 0);  // new work, from a job
-  for (Planner p : kAll) EXPECT_DOUBLE_EQ(child.play(p).makespan, 22.0);
+  for (const auto& [name, p, foresees] : allPlanners())
+    EXPECT_DOUBLE_EQ(child.play(p).makespan, 22.0);
   Small nothing(100.0, {10.0});
-  for (Planner p : kAll) EXPECT_EQ(nothing.play(p).makespan, 0.0);
+  for (const auto& [name, p, foresees] : allPlanners()) EXPECT_EQ(nothing.play(p).makespan, 0.0);
 }
 
 TEST(ScheduleSimulator, RoomForOneBlock) {
   Small s(10.0, {10.0, 10.0});
   s.walk({0, 1, 0});
-  for (Planner p : kAll) {
+  for (const auto& [name, p, foresees] : allPlanners()) {
     const SimulationResult r = s.play(p);
     EXPECT_DOUBLE_EQ(r.makespan, 33.0);
     EXPECT_EQ(r.loads, 3u);
@@ -92,7 +87,7 @@ TEST(ScheduleSimulator, RoomForOneBlock) {
 TEST(ScheduleSimulator, BlockThatFitsNowhereIsRefused) {
   Small s(5.0, {10.0});
   s.walk({0});
-  for (Planner p : kAll) EXPECT_THROW(s.play(p), Error);
+  for (const auto& [name, p, foresees] : allPlanners()) EXPECT_THROW(s.play(p), Error);
 }
 
 TEST(ScheduleBound, WhatComesLastIsCountedAgain) {
@@ -106,7 +101,7 @@ TEST(ScheduleBound, WhatComesLastIsCountedAgain) {
   }
   EXPECT_DOUBLE_EQ(lowerBound(s.workload, s.graph, s.timing, 1).bytes, 30.0);
   EXPECT_DOUBLE_EQ(lowerBound(s.workload, s.graph, s.timing, 2).bytes, 40.0);
-  for (Planner p : kAll) EXPECT_GE(s.play(p).loadedBytes, 40.0);
+  for (const auto& [name, p, foresees] : allPlanners()) EXPECT_GE(s.play(p).loadedBytes, 40.0);
 }
 
 RayWorkload smallRays(std::uint64_t seed) {
@@ -122,7 +117,7 @@ TEST(ScheduleSimulator, AnyScheduleHoldsAndNoneBeatsTheBound) {
     for (const char* machines : {"A", "DR"}) {
       const Cluster c = clusterOf(machines);
       const Bound bound = lowerBound(w, c.graph, c.timing);
-      for (Planner p : kAll) {
+      for (const auto& [name, p, foresees] : allPlanners()) {
         SimulationInput in;
         in.graph = &c.graph;
         in.truth = in.assumed = &c.timing;
@@ -163,7 +158,7 @@ TEST(ScheduleSimulator, OtherKindsOfJobs) {
   const Cluster c = clusterOf("AR");
   for (const Workload& w : {proximityWorkload(12, 20e9, 1), particleWorkload(24, 12e9, 1)}) {
     const Bound bound = lowerBound(w, c.graph, c.timing);
-    for (Planner p : kAll) {
+    for (const auto& [name, p, foresees] : allPlanners()) {
       SimulationInput in;
       in.graph = &c.graph;
       in.truth = in.assumed = &c.timing;

@@ -4,27 +4,22 @@
 #include <cmath>
 #include <functional>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <random>
 
 #include "src/core/error.h"
+#include "src/schedule/chrome_trace.h"
+#include "src/schedule/picture.h"
 #include "src/schedule/planner.h"
 
 namespace trex::schedule {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-using PlanFunction = Schedule (*)(const State&, const Schedule&);
 
-Schedule mostWork(const State& s, const Schedule& p) { return plan(s, p, Rule::kMostWork); }
-Schedule earliestStart(const State& s, const Schedule& p) {
-  return plan(s, p, Rule::kEarliestStart);
-}
-Schedule earliestFinish(const State& s, const Schedule& p) {
-  return plan(s, p, Rule::kEarliestFinish);
-}
-constexpr PlanFunction kAll[] = {mostWork,       earliestStart,   earliestFinish,
-                                 planRoundRobin, planLoadAnyOnce, planDmda};
-constexpr PlanFunction kWholePlans[] = {mostWork, earliestStart, earliestFinish, planDmda};
+const Planner mostWork = allPlanners()[0].plan, earliestStart = allPlanners()[1].plan,
+              earliestFinish = allPlanners()[2].plan;
+const Planner kWholePlans[] = {mostWork, earliestStart, earliestFinish, planDmda};
 
 /// A graph with its model and state; not to be copied, since the state points to the others.
 struct Setting {
@@ -68,7 +63,7 @@ TEST(Schedule, LoadsOverlapWork) {
   addBlock(s->state, 10.0, 10.0);
   checkState(s->state);
   // Load, then work and the other load at once, then work.
-  for (PlanFunction plan : kWholePlans) {
+  for (Planner plan : kWholePlans) {
     const Schedule made = plan(s->state, {});
     EXPECT_DOUBLE_EQ(made.makespan(), 30.0);
     EXPECT_EQ(problem(made, s->state), "");
@@ -80,7 +75,7 @@ TEST(Schedule, RoomForOneBlock) {
   addBlock(s->state, 10.0, 10.0);
   addBlock(s->state, 10.0, 10.0);
   // The second load has to wait for the first job's end.
-  for (PlanFunction plan : kWholePlans) {
+  for (Planner plan : kWholePlans) {
     const Schedule made = plan(s->state, {});
     EXPECT_DOUBLE_EQ(made.makespan(), 40.0);
     EXPECT_EQ(problem(made, s->state), "");
@@ -92,7 +87,7 @@ TEST(Schedule, WhatIsThereGoesFirst) {
   addBlock(s->state, 10.0, 10.0);
   addBlock(s->state, 10.0, 10.0);
   s->state.items[1].copies = 3u;
-  for (PlanFunction plan : {mostWork, earliestStart, earliestFinish}) {
+  for (Planner plan : {mostWork, earliestStart, earliestFinish}) {
     const Schedule made = plan(s->state, {});
     EXPECT_DOUBLE_EQ(made.makespan(), 20.0);  // the load hides behind the work
     EXPECT_EQ(made.runs.front().job, 1u);
@@ -116,14 +111,14 @@ TEST(Schedule, SlowChannelIsAvoidedWhileItDoesNotPay) {
   // 1 s to main memory; there 5 s of work, or 10 s of transfer and 0.5 s of work.
   auto s = slowChannel();
   addBlock(s->state, 10.0, 5.0);
-  for (PlanFunction plan : {mostWork, earliestFinish, planDmda}) {
+  for (Planner plan : {mostWork, earliestFinish, planDmda}) {
     const Schedule made = plan(s->state, {});
     EXPECT_DOUBLE_EQ(made.makespan(), 6.0);
     EXPECT_EQ(made.runs[0].device, 0u);
   }
   // 50 s of work pay for the transfer.
   s->state.jobs[0].amounts = {50.0};
-  for (PlanFunction plan : {mostWork, earliestFinish, planDmda}) {
+  for (Planner plan : {mostWork, earliestFinish, planDmda}) {
     const Schedule made = plan(s->state, {});
     EXPECT_DOUBLE_EQ(made.makespan(), 1.0 + 10.0 + 5.0);
     EXPECT_EQ(made.runs[0].device, 1u);
@@ -152,7 +147,7 @@ TEST(Schedule, ScratchNeedsRoom) {
   addBlock(s->state, 10.0, 10.0);
   addBlock(s->state, 10.0, 10.0);
   for (Job& job : s->state.jobs) job.scratch = 10.0;
-  for (PlanFunction plan : kWholePlans) {
+  for (Planner plan : kWholePlans) {
     const Schedule made = plan(s->state, {});
     EXPECT_EQ(problem(made, s->state), "");
     EXPECT_EQ(made.runs.size(), 2u);
@@ -167,7 +162,7 @@ TEST(Schedule, RunningJobKeepsItsData) {
   s->state.items[0].copies = 3u;
   s->state.now = 100.0;
   s->state.running = {{0, 104.0, {0}, 0.0}};
-  for (PlanFunction plan : kWholePlans) {
+  for (Planner plan : kWholePlans) {
     const Schedule made = plan(s->state, {});
     ASSERT_EQ(made.fetches.size(), 1u);
     EXPECT_DOUBLE_EQ(made.fetches[0].start, 104.0);
@@ -177,12 +172,14 @@ TEST(Schedule, RunningJobKeepsItsData) {
 
 TEST(Schedule, EmptyWorkAndEmptyBlocks) {
   auto s = oneDevice(10.0);
-  for (PlanFunction plan : kAll) EXPECT_TRUE(plan(s->state, {}).runs.empty());
+  for (const auto& [name, plan, foresees] : allPlanners())
+    EXPECT_TRUE(plan(s->state, {}).runs.empty());
   addBlock(s->state, 10.0, 0.0);
-  for (PlanFunction plan : kAll) EXPECT_TRUE(plan(s->state, {}).runs.empty());
+  for (const auto& [name, plan, foresees] : allPlanners())
+    EXPECT_TRUE(plan(s->state, {}).runs.empty());
   addBlock(s->state, 0.0, 3.0);
   checkState(s->state);
-  for (PlanFunction plan : kAll) {
+  for (const auto& [name, plan, foresees] : allPlanners()) {
     const Schedule made = plan(s->state, {});
     EXPECT_TRUE(made.fetches.empty());
     EXPECT_DOUBLE_EQ(made.makespan(), 3.0);
@@ -300,7 +297,7 @@ TEST(Schedule, AnyPlanHolds) {
   for (std::uint32_t seed = 1; seed <= 200; ++seed) {
     auto s = randomSetting(seed);
     checkState(s->state);
-    for (PlanFunction plan : kAll) {
+    for (const auto& [name, plan, foresees] : allPlanners()) {
       const Schedule made = plan(s->state, {});
       ASSERT_EQ(problem(made, s->state), "") << "seed " << seed;
       std::vector<int> times(s->state.jobs.size(), 0);
@@ -324,7 +321,7 @@ TEST(Schedule, WholePlansServeEveryJob) {
     auto s = randomSetting(seed);
     std::size_t jobs = 0;
     for (const Job& job : s->state.jobs) jobs += job.amounts[0] > 0.0;
-    for (PlanFunction plan : kWholePlans) EXPECT_EQ(plan(s->state, {}).runs.size(), jobs) << seed;
+    for (Planner plan : kWholePlans) EXPECT_EQ(plan(s->state, {}).runs.size(), jobs) << seed;
   }
 }
 
@@ -349,6 +346,27 @@ TEST(ScheduleValidator, FindsEachFault) {
   found([](Schedule& b) { b.runs[0].end = kInf; });
   found([](Schedule& b) { b.runs[0].end = b.runs[0].start - 1.0; });
   found([](Schedule& b) { b.runs[0].end = 40.0; });  // its block is evicted meanwhile
+}
+
+TEST(SchedulePicture, TraceAndTimelines) {
+  auto s = slowChannel();
+  s->graph.devices[1].name = "GPU <\"&\xff";
+  addBlock(s->state, 10.0, 50.0);
+  const Schedule made = mostWork(s->state, {});
+  const auto trace = nlohmann::json::parse(
+      chromeTrace(s->graph, made, {[](std::uint32_t) { return "trace"; }, nullptr}));
+  const auto& events = trace.at("traceEvents");
+  ASSERT_EQ(events.size(), 4u + 1u + 2u);  // rows, a job, two transfers
+  EXPECT_EQ(events[4].at("name"), "trace");
+  EXPECT_EQ(events[4].at("tid"), 1);
+  EXPECT_DOUBLE_EQ(events[4].at("ts").get<double>(), 11e6);
+  EXPECT_DOUBLE_EQ(events[4].at("dur").get<double>(), 5e6);
+  EXPECT_EQ(events[6].at("name"), "item 0");
+  EXPECT_EQ(events[6].at("args").at("to"), "device");
+  const std::string picture = timelineSvg(s->graph, made, "a < b");
+  EXPECT_NE(picture.find("GPU &lt;&quot;&amp;"), std::string::npos);
+  EXPECT_NE(picture.find("a &lt; b"), std::string::npos);
+  EXPECT_NE(timelineSvg(s->graph, {}, "empty").find("</svg>"), std::string::npos);
 }
 
 }  // namespace
