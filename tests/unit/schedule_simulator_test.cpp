@@ -127,7 +127,7 @@ TEST(ScheduleSimulator, AnyScheduleHoldsAndNoneBeatsTheBound) {
         const SimulationResult r = simulate(in);
         ASSERT_EQ(problemOf(r.happened, c.graph, r.items, r.jobs), "") << seed << machines;
         EXPECT_GE(r.makespan, bound.seconds());
-        EXPECT_GE(r.loadedBytes, bound.bytes);
+        EXPECT_GE(r.loadedBytes * (1.0 + 1e-9), bound.bytes);  // sums in another order
         EXPECT_EQ(simulate(in).makespan, r.makespan);
       }
     }
