@@ -16,6 +16,7 @@
 
 #include "hccmesh/hccmesh.h"
 #include "src/app/app.h"
+#include "src/app/doctor_measure.h"
 #include "src/core/error.h"
 #include "src/core/memory.h"
 #include "src/core/version.h"
@@ -59,6 +60,7 @@ struct Findings {
   std::string display;  ///< "DISPLAY=:0", or empty
   std::string simdTarget;
   Denoising denoising;
+  std::optional<schedule::MachineRecord> measured;
   std::string problem;                ///< of G-rays; empty if a device can be used
   std::vector<std::string> problems;  ///< all, each with what to do
   std::string fatal;                  ///< why nothing can be rendered; empty if something can
@@ -174,11 +176,21 @@ void examineDenoiser(Findings& found) {
   if (search.broken) found.problems.push_back(search.problem);
 }
 
+/// What was measured before.
+void examineRecord(Findings& found) {
+  try {
+    found.measured = keptMachineRecord();
+  } catch (const Error& e) {
+    found.problems.emplace_back(e.what());
+  }
+}
+
 Findings examine() {
   Findings found;
   examineMemory(found);
   examineLibraries(found);
   examineDevices(found);
+  examineRecord(found);
   examineDenoiser(found);
   std::error_code error;
   const std::filesystem::path current = std::filesystem::current_path(error);
@@ -250,6 +262,8 @@ nlohmann::json toJson(const Findings& found) {
                             {"free_bytes", d.freeBytes},
                             {"writable", d.writable}});
   }
+  out["measured"] = nullptr;
+  if (found.measured) out["measured"] = nlohmann::json::parse(textOf(*found.measured));
   out["devices"] = nlohmann::json::array();
   for (const vulkan::DeviceInfo& d : found.devices) out["devices"].push_back(toJson(d));
   return out;
@@ -296,6 +310,7 @@ void print(const Findings& found) {
                denoising.library);
   }
   for (const vulkan::DeviceInfo& d : found.devices) print(d, d.index == found.chosen);
+  if (found.measured) printRecord(*found.measured);
   if (found.fatal.empty()) {
     fmt::print("C-rays and --exact 1 work\n{}\n",
                found.problem.empty()
@@ -305,9 +320,18 @@ void print(const Findings& found) {
   for (const std::string& problem : found.problems) fmt::print("problem: {}\n", problem);
 }
 
-void doctor(bool json) {
+struct DoctorArguments {
+  bool json = false, measure = false;
+  std::string picture;
+};
+
+void doctor(const DoctorArguments& a) {
+  if (!a.picture.empty() && !a.measure) {
+    fail(ExitCode::kUsage, "-o: draws what --measure measures; give it too");
+  }
+  if (a.measure) measureAndKeep(a.picture);
   const Findings found = examine();
-  if (json) {
+  if (a.json) {
     fmt::print("{}\n", toJson(found).dump(2));
   } else {
     print(found);
@@ -321,10 +345,14 @@ void doctor(bool json) {
 }  // namespace
 
 void addDoctorCommand(CLI::App& app) {
-  auto json = std::make_shared<bool>(false);
+  auto a = std::make_shared<DoctorArguments>();
   CLI::App* c = app.add_subcommand("doctor", "Tell what this machine offers and what is missing");
-  c->add_flag("--json", *json, "Print JSON on stdout");
-  c->callback([json] { doctor(*json); });
+  c->add_flag("--json", a->json, "Print JSON on stdout");
+  c->add_flag(
+      "--measure", a->measure,
+      "Measure disk, copies, rays, cones and photons for some seconds, and keep the figures");
+  c->add_option("-o,--output", a->picture, "With --measure: draw the device graph, FILE.svg");
+  c->callback([a] { doctor(*a); });
 }
 
 }  // namespace trex

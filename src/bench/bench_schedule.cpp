@@ -34,6 +34,7 @@ struct ScheduleArguments {
   std::vector<std::string> models = {"boeing", "sponza"};
   std::string json, picture, trace;
   int seeds = 5;
+  bool sameEviction = false;
 };
 
 struct Model {
@@ -92,7 +93,8 @@ struct Instance {
   std::vector<double> plannedShare;       ///< seconds of planning and playing by simulated ones
 };
 
-Instance play(const Cluster& cluster, const Model& model, std::uint64_t seed, bool keep) {
+Instance play(const ScheduleArguments& a, const Cluster& cluster, const Model& model,
+              std::uint64_t seed, bool keep) {
   const Workload workload = model.make(seed);
   SimulationInput in;
   in.graph = &cluster.graph;
@@ -105,7 +107,8 @@ Instance play(const Cluster& cluster, const Model& model, std::uint64_t seed, bo
   out.bound = lowerBound(workload, cluster.graph, cluster.timing).seconds();
   for (const NamedPlanner& p : allPlanners()) {
     in.planner = p.plan;
-    in.forecast = p.foresees;
+    in.forecast = p.foresees || a.sameEviction;
+    if (a.sameEviction) in.rivalsEvict = Evict::kNeededLatest;
     const double start = threadSeconds();
     out.results.push_back(simulate(in));
     SimulationResult& r = out.results.back();
@@ -227,7 +230,7 @@ void writePictures(const ScheduleArguments& a, const Cluster& cluster, const Mod
 }
 
 Json measure(const ScheduleArguments& a) {
-  Json document = {{"bench", "schedule"}, {"seeds", a.seeds}};
+  Json document = {{"bench", "schedule"}, {"seeds", a.seeds}, {"same_eviction", a.sameEviction}};
   document["rows"] = Json::array();
   std::map<std::string, std::vector<double>> all;
   std::vector<double> errors;
@@ -238,7 +241,7 @@ Json measure(const ScheduleArguments& a) {
       const Model& model = modelNamed(name);
       std::vector<Instance> seeds(static_cast<std::size_t>(a.seeds));
       tbb::parallel_for(std::size_t{0}, seeds.size(), [&](std::size_t i) {
-        seeds[i] = play(cluster, model, i + 1, first && i == 0);
+        seeds[i] = play(a, cluster, model, i + 1, first && i == 0);
       });
       if (first) writePictures(a, cluster, model, seeds[0].results[0]);
       first = false;
@@ -325,6 +328,8 @@ void addCommand(CLI::App& bench) {
   c->add_option("--seeds", a->seeds, "Workloads of each kind, and machines' disturbances")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
+  c->add_flag("--same-eviction", a->sameEviction,
+              "Rivals foresee and evict as we do: what the choice of jobs alone is worth");
   c->add_option("--json", a->json, "Write the document to this file; - is stdout");
   c->add_option("-o,--output", a->picture,
                 "Write our schedule of the first cluster and workload as a picture: FILE.svg");

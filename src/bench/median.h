@@ -2,7 +2,10 @@
 #pragma once
 
 #include <algorithm>
+#include <functional>
 #include <vector>
+
+#include "src/core/clock.h"
 
 namespace trex {
 
@@ -10,6 +13,13 @@ namespace trex {
 inline double median(std::vector<double> values) {
   std::sort(values.begin(), values.end());
   return values[values.size() / 2];
+}
+
+/// What some work takes: at least a nanosecond.
+inline double secondsOf(const std::function<void()>& work) {
+  const double start = secondsNow();
+  work();
+  return std::max(secondsNow() - start, 1e-9);
 }
 
 }  // namespace trex

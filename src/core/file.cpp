@@ -7,6 +7,7 @@
 
 #include <cerrno>
 #include <charconv>
+#include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <system_error>
@@ -83,6 +84,14 @@ std::vector<fs::path> removeDeadTemporaries(const fs::path& target) {
     if (fs::remove(entry.path(), ignored)) removed.push_back(entry.path());
   }
   return removed;
+}
+
+fs::path stateFolder() {
+  const char* state = std::getenv("XDG_STATE_HOME");
+  const char* home = std::getenv("HOME");
+  if (state != nullptr && *state != '\0') return fs::path(state) / "trex";
+  if (home != nullptr && *home != '\0') return fs::path(home) / ".local" / "state" / "trex";
+  return {};
 }
 
 void checkWritable(const fs::path& target) {

@@ -20,6 +20,10 @@ void writeTextAtomically(const std::filesystem::path& target, const std::string&
 /// Removes temporaries that processes which are gone left of writing `target`. Returns their paths.
 std::vector<std::filesystem::path> removeDeadTemporaries(const std::filesystem::path& target);
 
+/// Where files are kept from one run to the next: $XDG_STATE_HOME/trex, or ~/.local/state/trex.
+/// Empty if there is no home. May not exist.
+std::filesystem::path stateFolder();
+
 /// Throws Error(kOutput) early if `target` can't be written: no such folder, a folder itself, no
 /// permission.
 void checkWritable(const std::filesystem::path& target);

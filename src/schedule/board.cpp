@@ -88,6 +88,7 @@ double Board::arrivalAtBest(const Item& item, std::uint32_t number, std::uint32_
 Offer Board::atBest(std::uint32_t job, std::uint32_t device) const {
   const Device& d = s_.graph->devices[device];
   const Job& j = s_.jobs[job];
+  if (s_.timing->at(device, j.kind).rates.empty()) return {};
   double ready = devices_[device].free(s_.now);
   for (std::uint32_t number : j.reads) {
     const Item& item = s_.items[number];
@@ -261,6 +262,7 @@ double Board::bring(const Job& job, std::uint32_t item, std::uint32_t target, bo
 Offer Board::settle(std::uint32_t job, std::uint32_t device, bool keep) {
   const Device& d = s_.graph->devices[device];
   const Job& j = s_.jobs[job];
+  if (s_.timing->at(device, j.kind).rates.empty()) return {};
   if (keep && !settle(job, device, false).possible()) return {};
   std::fill(promised_.begin(), promised_.end(), 0.0);
   taken_.clear();

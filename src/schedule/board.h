@@ -9,12 +9,6 @@
 
 namespace trex::schedule {
 
-/// Which copies go first where room is needed.
-enum class Evict {
-  kNeededLatest,   ///< least Item::need
-  kUsedLongestAgo  ///< least Item::lastUse
-};
-
 /// When a job would run on a device: never if it can't.
 struct Offer {
   double start = kNever, end = kNever;

@@ -107,7 +107,7 @@ bool isIdle(Board& board, const State& state, std::uint32_t device) {
 /// Gives each idle device the job that `next` says, while there is one.
 template <typename Next>
 Schedule planOnDemand(const State& state, const Schedule& previous, const Next& next) {
-  Board board(state, Evict::kUsedLongestAgo);
+  Board board(state, state.rivalsEvict);
   std::vector<bool> assigned = keepAssigned(board, state, previous);
   std::uint32_t cursor = previous.cursor;
   for (std::uint32_t d = 0; d < state.graph->devices.size(); ++d) {
@@ -148,7 +148,7 @@ Schedule planLoadAnyOnce(const State& state, const Schedule& previous) {
 }
 
 Schedule planDmda(const State& state, const Schedule& previous) {
-  Board board(state, Evict::kUsedLongestAgo);
+  Board board(state, state.rivalsEvict);
   const std::vector<bool> assigned = keepAssigned(board, state, previous);
   std::vector<std::uint32_t> ready;
   for (std::uint32_t j = 0; j < state.jobs.size(); ++j) {

@@ -108,6 +108,7 @@ class Simulation {
     state_.routes = &routes_;
     state_.timing = in_.assumed;
     state_.horizon = in_.horizon;
+    state_.rivalsEvict = in_.rivalsEvict;
     for (std::uint32_t b = 0; b < w_.stations(); ++b) {
       Job job;
       job.reads = w_.reads[b];

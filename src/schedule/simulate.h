@@ -31,6 +31,7 @@ struct SimulationInput {
   const Workload* workload = nullptr;
   Truth disturbance;
   Planner planner = nullptr;
+  Evict rivalsEvict = Evict::kUsedLongestAgo;
   bool forecast = true;    ///< Job::worth and Item::need count what is expected, too
   double mostUnits = 2e6;  ///< of one job; the rest waits for the next
   double horizon = 0.2;    ///< State::horizon; half of the time of a load or so

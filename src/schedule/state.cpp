@@ -46,15 +46,17 @@ void checkJob(const State& s, std::size_t j) {
   }
   const auto& devices = s.graph->devices;
   const bool possible = std::any_of(devices.begin(), devices.end(), [&](const Device& d) {
-    return std::all_of(job.reads.begin(), job.reads.end(),
+    const auto number = static_cast<std::uint32_t>(&d - devices.data());
+    return !s.timing->at(number, job.kind).rates.empty() &&
+           std::all_of(job.reads.begin(), job.reads.end(),
                        [&](std::uint32_t item) { return reaches(s, s.items[item], d); });
   });
   const bool work =
       std::any_of(job.amounts.begin(), job.amounts.end(), [](double a) { return a > 0; });
   if (work && !possible) {
     fail(ExitCode::kInput,
-         "schedule, job {}: no device can get all items that it reads: an item has no copy, no "
-         "channel leads there, or the memory is too small",
+         "schedule, job {}: no device can do it: its kind has no rates there, or an item that it "
+         "reads has no copy, no channel leads there, or the memory is too small",
          j);
   }
 }

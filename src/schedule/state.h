@@ -9,6 +9,12 @@
 
 namespace trex::schedule {
 
+/// Which copies go first where room is needed.
+enum class Evict {
+  kNeededLatest,   ///< least Item::need times the seconds of bringing it again
+  kUsedLongestAgo  ///< least Item::lastUse
+};
+
 /// A job that has begun.
 struct Running {
   std::uint32_t device = 0;
@@ -22,7 +28,8 @@ struct State {
   const Graph* graph = nullptr;
   const Routes* routes = nullptr;
   const TimingModel* timing = nullptr;
-  double now = 0.0;  ///< seconds
+  Evict rivalsEvict = Evict::kUsedLongestAgo;  ///< of the rivals of planner.h
+  double now = 0.0;                            ///< seconds
   /// Seconds that a job may begin later than it could if nothing else were planned; what begins
   /// later is left to later plans. kNever: plan all.
   double horizon = 0.0;

@@ -36,7 +36,8 @@ struct TimingSample {
 /// than 8 amounts or different numbers of them, and for values out of their ranges.
 LinearTime fitLinear(std::span<const TimingSample> samples);
 
-/// Of each kind of job on each device.
+/// Of each kind of job on each device. A kind of no rates, as all are at first, the device can't
+/// do.
 class TimingModel {
  public:
   TimingModel(std::uint32_t devices, std::uint32_t kinds)

@@ -295,6 +295,38 @@ class Doctor(unittest.TestCase):
             self.assertEqual((found["devices"], found["default_device"]), ([], None))
             self.assertIn(found["problem"], found["problems"])
 
+    def test_measures_and_keeps_it(self):
+        with tempfile.TemporaryDirectory() as folder:
+            picture, record = os.path.join(folder, "graph.svg"), os.path.join(folder, "trex", "machine.json")
+            result = self.doctor("--measure", "--json", "-o", picture, XDG_STATE_HOME=folder)
+            self.assertEqual(result.returncode, 0, result.stderr)
+            measured = json.loads(result.stdout)["measured"]
+            with open(record) as f:
+                self.assertEqual(json.load(f), measured)
+            self.assertEqual(os.listdir(os.path.join(folder, "trex")), ["machine.json"])
+            self.assertEqual([m["name"] for m in measured["memories"][:2]], ["disk", "main"])
+            self.assertEqual(set(measured["devices"][0]["times"]), {"rays", "cones", "photons"})
+            for channel in measured["channels"]:
+                self.assertGreater(channel["bandwidth_bytes_per_second"], 1e5)
+            for device in measured["devices"]:
+                for time in device["times"].values():
+                    self.assertGreater(time["seconds_per_unit"], 0)
+            with open(picture) as f:
+                self.assertIn("</svg>", f.read())
+            text = self.doctor(XDG_STATE_HOME=folder).stdout
+            self.assertIn("measured: ", text)
+            self.assertIn("rays: ", text)
+            for hostile in ("", "{", "[]", '{"trex": 1}', "x" * (2 << 20)):
+                with open(record, "w") as f:
+                    f.write(hostile)
+                result = self.doctor("--json", XDG_STATE_HOME=folder)
+                self.assertEqual(result.returncode, 0, result.stderr)
+                found = json.loads(result.stdout)
+                self.assertIsNone(found["measured"])
+                self.assertTrue(any("machine.json" in p for p in found["problems"]), found["problems"])
+        self.assertEqual(self.doctor("-o", "x.svg").returncode, 2)
+        self.assertEqual(self.doctor("--measure", XDG_STATE_HOME="/proc/nothing").returncode, 5)
+
     def test_a_broken_loader_is_named(self):
         with tempfile.TemporaryDirectory() as folder:
             open(os.path.join(folder, "libvulkan.so.1"), "w").close()

@@ -9,6 +9,7 @@
 
 #include "src/core/error.h"
 #include "src/schedule/chrome_trace.h"
+#include "src/schedule/machine_record.h"
 #include "src/schedule/picture.h"
 #include "src/schedule/planner.h"
 
@@ -346,6 +347,73 @@ TEST(ScheduleValidator, FindsEachFault) {
   found([](Schedule& b) { b.runs[0].end = kInf; });
   found([](Schedule& b) { b.runs[0].end = b.runs[0].start - 1.0; });
   found([](Schedule& b) { b.runs[0].end = 40.0; });  // its block is evicted meanwhile
+}
+
+TEST(Schedule, KindWithoutRatesIsNotDone) {
+  auto s = slowChannel();
+  s->timing = TimingModel(2, 1);
+  s->timing.set(1, 0, {0.0, {1.0}});
+  addBlock(s->state, 10.0, 1.0);  // quicker by the first device, if it could
+  for (const auto& [name, plan, foresees] : allPlanners()) {
+    const Schedule made = plan(s->state, {});
+    for (const schedule::Run& r : made.runs) EXPECT_EQ(r.device, 1u) << name;
+  }
+  s->timing = TimingModel(2, 1);
+  EXPECT_THROW(checkState(s->state), Error);
+}
+
+MachineRecord someRecord() {
+  MachineRecord r;
+  r.name = "a <machine>";
+  r.graph = slowChannel()->graph;
+  r.kinds = {"trace", "gather"};
+  r.timing = TimingModel(2, 2);
+  r.timing.set(0, 0, {1e-3, {1e-7}});
+  r.timing.set(1, 1, {2e-3, {3e-8}});
+  r.jobs = 12;
+  r.medianError = 0.1;
+  r.percentile90Error = 0.3;
+  return r;
+}
+
+TEST(ScheduleMachineRecord, IsReadAsItWasWritten) {
+  const std::string text = textOf(someRecord());
+  const MachineRecord r = recordOf(text, "machine.json");
+  EXPECT_EQ(textOf(r), text);
+  EXPECT_EQ(r.graph.memories[0].capacity, kNever);
+  EXPECT_EQ(r.graph.channels[1].links[0].to, 2u);
+  EXPECT_TRUE(r.timing.at(0, 1).rates.empty());
+  EXPECT_DOUBLE_EQ(r.timing.at(1, 1).rates.at(0), 3e-8);
+  EXPECT_NE(graphSvg(r).find("a &lt;machine&gt;"), std::string::npos);
+}
+
+TEST(ScheduleMachineRecord, HostileTextIsRefused) {
+  const std::string good = textOf(someRecord());
+  for (std::size_t length = 0; length + 2 < good.size(); length += 7) {
+    EXPECT_THROW(recordOf(good.substr(0, length), "x"), Error) << length;
+  }
+  const auto refused = [&](const std::string& pointer, const nlohmann::json& value) {
+    nlohmann::json changed = nlohmann::json::parse(good);
+    changed[nlohmann::json::json_pointer(pointer)] = value;
+    EXPECT_THROW(recordOf(changed.dump(), "x"), Error) << pointer;
+  };
+  refused("/trex", 2);
+  refused("/more", 1);
+  refused("/kinds", nlohmann::json::array());
+  refused("/kinds/0", 7);
+  refused("/memories/1/capacity_bytes", 0);
+  refused("/memories/1/capacity_bytes", "large");
+  refused("/channels/0/bandwidth_bytes_per_second", 0);
+  refused("/channels/0/bandwidth_bytes_per_second", -1);
+  refused("/channels/0/latency_seconds", nullptr);
+  refused("/channels/0/links/0/to", 3);
+  refused("/channels/0/links", nlohmann::json(std::vector<int>(100, 0)));
+  refused("/channels", nlohmann::json::array());
+  refused("/devices", nlohmann::json::array());
+  refused("/devices/0/memory", -1);
+  refused("/devices/0/times/trace/seconds_per_unit", -1);
+  refused("/devices/0/times/trace", 5);
+  refused("/errors", nlohmann::json::object());
 }
 
 TEST(SchedulePicture, TraceAndTimelines) {
