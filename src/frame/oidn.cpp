@@ -378,8 +378,9 @@ OidnSearch searchOidn(const std::vector<std::string>& places) {
 }
 
 const OidnSearch& findOidn() {
-  static const OidnSearch search = searchOidn(oidnPlaces());
-  return search;
+  // Never released: at the end of the program the driver of a GPU may be gone before.
+  static const OidnSearch* const search = new OidnSearch(searchOidn(oidnPlaces()));
+  return *search;
 }
 
 }  // namespace trex
