@@ -12,12 +12,14 @@
 
 namespace trex {
 
+inline constexpr std::uint32_t kHashFactors[2] = {0x21f0aaadu, 0xd35a2d97u};
+
 /// A 32-bit integer hash with good avalanche (the "lowbias32" constants of C. Wellons).
 inline std::uint32_t hash32(std::uint32_t x) {
   x ^= x >> 16;
-  x *= 0x21f0aaadu;
+  x *= kHashFactors[0];
   x ^= x >> 15;
-  x *= 0xd35a2d97u;
+  x *= kHashFactors[1];
   x ^= x >> 15;
   return x;
 }
@@ -35,57 +37,44 @@ inline std::uint32_t reverseBits(std::uint32_t x) {
   return __builtin_bswap32(x);
 }
 
-/// Owen scrambling of a value in base 2 with its bits reversed, by a Laine-Karras style
-/// permutation.
-inline std::uint32_t owenScramble(std::uint32_t reversed, std::uint32_t seed) {
-  std::uint32_t x = reversed;
-  x ^= x * 0x3d20adeau;
-  x += seed;
-  x *= (seed >> 16) | 1u;
-  x ^= x * 0x05526c56u;
-  x ^= x * 0x53a22864u;
-  return reverseBits(x);
-}
-
-/// Second Sobol' dimension of index with its bits reversed (so the first is the index itself). Its
-/// matrix is Pascal's triangle mod 2: by Lucas' theorem digit i is the sum of all index bits j that
-/// contain i, a superset transform.
-inline std::uint32_t sobolSecond(std::uint32_t index) {
-  index ^= (index >> 1) & 0x55555555u;
-  index ^= (index >> 2) & 0x33333333u;
-  index ^= (index >> 4) & 0x0f0f0f0fu;
-  index ^= (index >> 8) & 0x00ff00ffu;
-  index ^= (index >> 16) & 0x0000ffffu;
-  return index;
-}
-
-/// The numbers of one sample of one pixel, dimension by dimension. Cheap to make and to copy.
+/// The numbers of one sample of one pixel, dimension by dimension, drawn eight dimensions at a time
+/// for the best instruction set of this processor (every one gives the same bits). Cheap to make;
+/// a copy is 88 bytes, its State 12.
 class Sampler {
  public:
+  static constexpr std::uint32_t kBlock = 8;  ///< dimensions that are drawn together
+  /// All that a sampler knows; `sample` has its bits reversed.
+  struct State {
+    std::uint32_t key, sample, dimension;
+  };
+
   Sampler(std::uint32_t pixel, std::uint32_t sample, std::uint32_t seed)
-      : key_(hashCombine(hashCombine(seed, 0x7265782du), pixel)), sample_(reverseBits(sample)) {}
+      : state_{hashCombine(hashCombine(seed, 0x7265782du), pixel), reverseBits(sample), 0} {}
+  explicit Sampler(const State& state) : state_(state) {}
 
   /// In [0, 1).
-  float next1D() {
-    const std::uint32_t key = hashCombine(key_, dimension_++);
-    return toUnitFloat(owenScramble(shuffled(key), hash32(key ^ 0x5bd1e995u)));
-  }
+  float next1D() { return x_[next()]; }
   /// In [0, 1)^2, stratified in two dimensions over the samples of a pixel.
   vec2 next2D() {
-    const std::uint32_t key = hashCombine(key_, dimension_++);
-    const std::uint32_t index = shuffled(key);
-    const std::uint32_t x = owenScramble(index, hash32(key ^ 0x5bd1e995u));
-    const std::uint32_t y = owenScramble(sobolSecond(index), hash32(key ^ 0xc2b2ae35u));
-    return vec2(toUnitFloat(x), toUnitFloat(y));
+    const std::uint32_t at = next();
+    return vec2(x_[at], y_[at]);
   }
   /// Jumps to a dimension, so that two estimators of a sample share what follows.
-  void setDimension(std::uint32_t dimension) { dimension_ = dimension; }
-  std::uint32_t dimension() const { return dimension_; }
+  void setDimension(std::uint32_t dimension) { state_.dimension = dimension; }
+  std::uint32_t dimension() const { return state_.dimension; }
+  const State& state() const { return state_; }
 
  private:
-  std::uint32_t shuffled(std::uint32_t key) const { return owenScramble(sample_, key); }
+  std::uint32_t next() {
+    const std::uint32_t at = state_.dimension++ - first_;
+    return at < kBlock ? at : refill();
+  }
+  std::uint32_t refill();
 
-  std::uint32_t key_, sample_, dimension_ = 0;  // the sample with its bits reversed
+  State state_;
+  std::uint32_t first_ = 0u - kBlock;  ///< dimension of x_[0]; this one: nothing is drawn yet
+  alignas(32) float x_[kBlock];
+  alignas(32) float y_[kBlock];
 };
 
 }  // namespace trex

@@ -15,10 +15,10 @@ namespace trex {
 /// A path is traced once for guess and exact light, as long as both agree: `coupled`. Lengths are
 /// metres in render space.
 struct PathState {
-  std::uint32_t job;     ///< place of its sample among those asked for
-  std::uint32_t number;  ///< of the sample of its pixel
-  Sampler sampler;
-  RayStart start{};  ///< of the next ray
+  std::uint32_t job;        ///< place of its sample among those asked for
+  std::uint32_t number;     ///< of the sample of its pixel
+  Sampler::State random{};  ///< where its numbers go on; in a wave its Sampler knows
+  RayStart start{};         ///< of the next ray
   vec3 direction{0.0f};
   float tnear = 0.0f;
   vec3 throughput{1.0f}, absorption{0.0f};  ///< absorption: of the volume there, 1/m

@@ -27,8 +27,9 @@ void PathTracer::trace(std::span<const PathJob> jobs, std::uint32_t width, std::
   for (std::size_t i = 0; i < jobs.size(); i += Wave::kPaths) {
     wave.paths.clear();
     for (std::size_t k = i; k < std::min(jobs.size(), i + Wave::kPaths); ++k) {
-      WavePath& path =
-          wave.paths.emplace_back(generate(jobs[k], width, first + static_cast<std::uint32_t>(k)));
+      Sampler sampler(jobs[k].y * width + jobs[k].x, jobs[k].sample, seed_);
+      const PathState state = generate(jobs[k], first + static_cast<std::uint32_t>(k), sampler);
+      WavePath& path = wave.paths.emplace_back(state, sampler);
       path.sample = &samples[k];
       path.counts = &counts[k];
       path.caustics = caustics_ ? caustics_->find(path.number) : nullptr;
@@ -47,19 +48,18 @@ PathSample PathTracer::sample(const PathJob& job, std::uint32_t width) const {
 }
 
 /// A path and its first ray.
-PathState PathTracer::generate(const PathJob& job, std::uint32_t width,
-                               std::uint32_t number) const {
+PathState PathTracer::generate(const PathJob& job, std::uint32_t number, Sampler& sampler) const {
   PathState path{.job = number,
                  .number = job.sample,
-                 .sampler = Sampler(job.y * width + job.x, job.sample, seed_),
                  .paired = job.paired,
                  .certain = media_ == nullptr && !camera_.hasLens()};
-  const vec2 jitter = path.sampler.next2D();
+  const vec2 jitter = sampler.next2D();
   camera_.ray(static_cast<float>(job.x) + jitter.x, static_cast<float>(job.y) + jitter.y,
               path.start.position, path.direction);
   if (camera_.hasLens()) {
-    camera_.throughLens(path.sampler.next2D(), path.start.position, path.direction);
+    camera_.throughLens(sampler.next2D(), path.start.position, path.direction);
   }
+  path.random = sampler.state();
   return path;
 }
 

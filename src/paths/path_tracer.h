@@ -64,7 +64,7 @@ class PathTracer {
   bool guesses() const { return guess_.cache != nullptr; }
 
  private:
-  PathState generate(const PathJob& job, std::uint32_t width, std::uint32_t number) const;
+  PathState generate(const PathJob& job, std::uint32_t number, Sampler& sampler) const;
   void run(Wave& wave) const;
 
   bool extend(WavePath& path, Wave& wave) const;

@@ -36,6 +36,7 @@ struct WavePath : PathState {
   PathSample* sample = nullptr;
   RayCounts* counts = nullptr;
   const SampleCaustics* caustics = nullptr;  ///< may be null
+  Sampler sampler;
   /// The vertex, and where the path is. They remember what lights weigh there.
   LightPoint points[2];
   std::uint8_t atVertex = 0;  ///< which of them
@@ -47,8 +48,8 @@ struct WavePath : PathState {
   Fate fate = Fate::kEnds;
   bool coneVertex = false;
 
-  explicit WavePath(const PathState& state)
-      : PathState(state), points{{vertex, vertexNormal}, vec3(0.0f)} {}
+  WavePath(const PathState& state, const Sampler& numbers)
+      : PathState(state), sampler(numbers), points{{vertex, vertexNormal}, vec3(0.0f)} {}
 
   const LightPoint& lastPoint() const { return points[atVertex]; }
   LightPoint& here() { return points[1 - atVertex]; }

@@ -1,6 +1,7 @@
 #include "src/core/sampler.h"
 
 #include <gtest/gtest.h>
+#include <hwy/targets.h>
 
 #include <set>
 #include <vector>
@@ -68,14 +69,52 @@ TEST(Sampler, IsUniformAcrossPixelsAndDimensions) {
   EXPECT_GT(test::chiSquareP(across, expected), 1e-4);
 }
 
-TEST(Sampler, SecondSobolDimensionMatchesItsRecurrence) {
-  // Direction numbers v_0 = 2^31, v_{k+1} = v_k xor (v_k >> 1) [Sobol' 1967].
-  for (std::uint32_t index : {1u, 2u, 3u, 77u, 0x12345678u, 0xffffffffu}) {
-    std::uint32_t expected = 0, v = 0x80000000u;
-    for (std::uint32_t i = index; i != 0; i >>= 1, v ^= v >> 1) {
-      if (i & 1u) expected ^= v;
+/// Owen scrambling as it is written for one number.
+std::uint32_t owenScramble(std::uint32_t x, std::uint32_t seed) {
+  x ^= x * 0x3d20adeau;
+  x += seed;
+  x *= (seed >> 16) | 1u;
+  x ^= x * 0x05526c56u;
+  x ^= x * 0x53a22864u;
+  return reverseBits(x);
+}
+
+/// By direction numbers v_0 = 2^31, v_{k+1} = v_k xor (v_k >> 1) [Sobol' 1967].
+std::uint32_t sobolSecond(std::uint32_t index) {
+  std::uint32_t x = 0, v = 0x80000000u;
+  for (; index != 0; index >>= 1, v ^= v >> 1) {
+    if (index & 1u) x ^= v;
+  }
+  return x;
+}
+
+vec2 expectedAt(std::uint32_t pixel, std::uint32_t sample, std::uint32_t seed,
+                std::uint32_t dimension) {
+  const std::uint32_t key =
+      hashCombine(hashCombine(hashCombine(seed, 0x7265782du), pixel), dimension);
+  const std::uint32_t index = owenScramble(reverseBits(sample), key);
+  return {toUnitFloat(owenScramble(index, hash32(key ^ 0x5bd1e995u))),
+          toUnitFloat(owenScramble(reverseBits(sobolSecond(index)), hash32(key ^ 0xc2b2ae35u)))};
+}
+
+/// Whatever the processor draws at once, and in whatever order dimensions are asked for.
+TEST(Sampler, DrawsSobolPointsScrambledByDimension) {
+  for (const std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    for (const std::uint32_t pixel : {0u, 9u, 0xffffffffu}) {
+      Sampler sampler(pixel, 77u, 5u);
+      for (const std::uint32_t dimension : {0u, 1u, 2u, 7u, 8u, 20u, 19u, 3u, 4u, 1000u, 0u}) {
+        sampler.setDimension(dimension);
+        const vec2 expected = expectedAt(pixel, 77u, 5u, dimension);
+        Sampler other(sampler.state());
+        EXPECT_EQ(sampler.next2D(), expected) << dimension;
+        EXPECT_EQ(other.next1D(), expected.x) << dimension;
+        EXPECT_EQ(sampler.next2D(), expectedAt(pixel, 77u, 5u, dimension + 1)) << dimension;
+      }
     }
-    EXPECT_EQ(reverseBits(sobolSecond(index)), expected);
+    hwy::SetSupportedTargetsForTest(0);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
   }
 }
 
