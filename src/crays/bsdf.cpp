@@ -128,39 +128,35 @@ float Bsdf::dielectricWeight(float cosine) const {
   return refracts_ ? exact : 2.0f * exact / (1.0f + exact);
 }
 
-/// Reflectance of the specular lobe at angle cosine to the micro normal, all parts together.
-vec3 Bsdf::fresnel(float cosine) const {
-  const float w = schlickWeight(cosine);
-  const vec3 dielectric =
-      transmission_ > 0.0f ? vec3(dielectricWeight(cosine)) : f0_ + (vec3(f90_) - f0_) * w;
+/// At angle `cosine` to the micro normal, all parts together.
+Bsdf::Reflectance Bsdf::reflectance(float cosine) const {
+  if (lambertian_) return {vec3(0.0f), 0.0f};
+  const vec3 dielectric = transmission_ > 0.0f ? vec3(dielectricWeight(cosine))
+                                               : f0_ + (vec3(f90_) - f0_) * schlickWeight(cosine);
   const vec3 bare = glm::mix(dielectric, conducts_ ? metal(cosine) : metalColor_, metallic_);
-  return film_ > 0.0f ? glm::mix(bare, film(cosine), film_) : bare;
-}
-
-/// What light from there does not reach of what lies below the dielectric's interface.
-float Bsdf::interface(float cosine) const {
-  const float bare = transmission_ > 0.0f
-                         ? dielectricWeight(cosine)
-                         : maxComponent(f0_ + (vec3(f90_) - f0_) * schlickWeight(cosine));
-  return film_ > 0.0f ? glm::mix(bare, maxComponent(film(cosine)), film_) : bare;
+  const float below = maxComponent(dielectric);
+  if (!(film_ > 0.0f)) return {bare, below};
+  const vec3 coloured = film(cosine);
+  return {glm::mix(bare, coloured, film_), glm::mix(below, maxComponent(coloured), film_)};
 }
 
 void Bsdf::chooseLobes() {
   if (unlit_) return;
-  const vec3 reflect = fresnel(out_.z);
-  const float dielectric = interface(out_.z);
-  lobes_.specular = luminance(reflect);
-  lobes_.diffuse = luminance(diffuse_) * (1.0f - dielectric);
-  lobes_.transmission = luminance(transmissionTint_) * (1.0f - dielectric);
+  lambertian_ = f0_ == vec3(0.0f) && f90_ == 0.0f && metallic_ == 0.0f && transmission_ == 0.0f &&
+                !(film_ > 0.0f) && !finished_;
+  if (!lambertian_ && !smooth_) masked_ = lambda(out_);
+  const Reflectance seen = reflectance(out_.z);
+  lobes_.specular = luminance(seen.specular);
+  lobes_.diffuse = luminance(diffuse_) * (1.0f - seen.interface);
+  lobes_.transmission = luminance(transmissionTint_) * (1.0f - seen.interface);
   if (finished_) addFinishLobes();
   const float sum =
       lobes_.specular + lobes_.diffuse + lobes_.transmission + lobes_.coat + lobes_.sheen;
   if (sum > 0.0f) {
-    lobes_.specular /= sum;
-    lobes_.diffuse /= sum;
-    lobes_.transmission /= sum;
-    lobes_.coat /= sum;
-    lobes_.sheen /= sum;
+    for (float* lobe :
+         {&lobes_.specular, &lobes_.diffuse, &lobes_.transmission, &lobes_.coat, &lobes_.sheen}) {
+      if (*lobe > 0.0f) *lobe /= sum;
+    }
   }
   onlyDelta_ = lobes_.diffuse + lobes_.sheen == 0.0f && smooth_ &&
                (lobes_.coat == 0.0f || coat_.alpha < kSmallestAlpha);
@@ -202,17 +198,33 @@ vec3 Bsdf::albedoOf(const vec3& diffuse, const vec3& gloss, bool coat) const {
   return glm::min(finished_ ? finishAlbedo(diffuse, gloss, coat) : diffuse + gloss, vec3(1.0f));
 }
 
-vec3 Bsdf::evaluateReflection(const vec3& in, LobeKind kind) const {
-  const vec3 half = glm::normalize(out_ + in);
-  const float cosHalf = glm::dot(out_, half);
+/// Of two directions on the side of the normal, one of them `outgoing`.
+Bsdf::Half Bsdf::half(const vec3& in) const {
+  const vec3 direction = glm::normalize(out_ + in);
+  Half half{glm::dot(out_, direction), direction.z};
+  if (!smooth_) half.density = density(direction);
+  return half;
+}
+
+vec3 Bsdf::evaluateReflection(const vec3& in, const Half& half, LobeKind kind) const {
+  const Reflectance reflected = reflectance(half.cosine);
   vec3 f(0.0f);
   if (hasSpecular(kind)) {
-    f = fresnel(cosHalf) * (density(half) * maskingShadowing(in) / (4.0f * out_.z));
+    f = reflected.specular * (half.density * maskingShadowing(in) / (4.0f * out_.z));
   }
   if (lobes_.diffuse > 0.0f && kind != LobeKind::kSharp) {
-    f += diffuse_ * ((1.0f - interface(cosHalf)) * kInvPi * in.z);
+    f += diffuse_ * ((1.0f - reflected.interface) * kInvPi * in.z);
   }
   return f;
+}
+
+BsdfValue Bsdf::reflection(const vec3& in, LobeKind kind) const {
+  if (lambertian_) {
+    const vec3 f = kind == LobeKind::kSharp ? vec3(0.0f) : diffuse_ * (kInvPi * in.z);
+    return {f, lobes_.diffuse * in.z * kInvPi};
+  }
+  const Half between = half(in);
+  return {evaluateReflection(in, between, kind), pdfReflection(in, between)};
 }
 
 /// f * |cos| of rough transmission; in.z < 0.
@@ -220,10 +232,10 @@ vec3 Bsdf::evaluateTransmission(const vec3& in) const {
   if (smooth_ || lobes_.transmission == 0.0f) return vec3(0.0f);
   if (!refracts_) {  // a thin sheet: the reflection lobe mirrored to the far side
     const vec3 mirrored(in.x, in.y, -in.z);
-    const vec3 half = glm::normalize(out_ + mirrored);
-    const float through = 1.0f - dielectricWeight(glm::dot(out_, half));
+    const Half between = half(mirrored);
+    const float through = 1.0f - dielectricWeight(between.cosine);
     return transmissionTint_ *
-           (through * density(half) * maskingShadowing(mirrored) / (4.0f * out_.z));
+           (through * between.density * maskingShadowing(mirrored) / (4.0f * out_.z));
   }
   vec3 half = out_ + in * eta_;
   const float length = glm::length(half);
@@ -239,11 +251,10 @@ vec3 Bsdf::evaluateTransmission(const vec3& in) const {
   return transmissionTint_ * (value / (eta_ * eta_));
 }
 
-float Bsdf::pdfReflection(const vec3& in) const {
+float Bsdf::pdfReflection(const vec3& in, const Half& half) const {
   float p = lobes_.diffuse * in.z * kInvPi;
   if (!smooth_ && lobes_.specular > 0.0f) {
-    const vec3 half = glm::normalize(out_ + in);
-    p += lobes_.specular * visiblePdf(half) / (4.0f * glm::dot(out_, half));
+    p += lobes_.specular * visiblePdf(half) / (4.0f * half.cosine);
   }
   return p;
 }
@@ -251,8 +262,8 @@ float Bsdf::pdfReflection(const vec3& in) const {
 float Bsdf::pdfTransmission(const vec3& in) const {
   if (smooth_ || lobes_.transmission == 0.0f) return 0.0f;
   if (!refracts_) {
-    const vec3 half = glm::normalize(out_ + vec3(in.x, in.y, -in.z));
-    return lobes_.transmission * visiblePdf(half) / (4.0f * glm::dot(out_, half));
+    const Half between = half(vec3(in.x, in.y, -in.z));
+    return lobes_.transmission * visiblePdf(between) / (4.0f * between.cosine);
   }
   vec3 half = out_ + in * eta_;
   const float length = glm::length(half);
@@ -262,7 +273,8 @@ float Bsdf::pdfTransmission(const vec3& in) const {
   if (outH <= 0.0f || inH >= 0.0f) return 0.0f;
   const float denominator = outH + eta_ * inH;
   // Total internal reflection is decided before this lobe is sampled; see sampleTransmission.
-  return lobes_.transmission * visiblePdf(half) * eta_ * eta_ * -inH / (denominator * denominator);
+  const float visible = visiblePdf({outH, half.z, density(half)});
+  return lobes_.transmission * visible * eta_ * eta_ * -inH / (denominator * denominator);
 }
 
 /// Whether light from there reaches the surface: of the triangle, or of the smooth one that it
@@ -276,7 +288,7 @@ vec3 Bsdf::evaluate(const vec3& incoming, LobeKind kind) const {
   const vec3 in = basis_.toLocal(incoming);
   vec3 f(0.0f);
   if (in.z > 0.0f && aboveHorizon(incoming)) {
-    f = evaluateReflection(in, kind);
+    f = lambertian_ ? reflection(in, kind).f : evaluateReflection(in, half(in), kind);
   } else if (in.z < 0.0f && glm::dot(incoming, geometricNormal_) < 0.0f) {
     if (hasSpecular(kind)) f = evaluateTransmission(in);
   } else {
@@ -288,8 +300,19 @@ vec3 Bsdf::evaluate(const vec3& incoming, LobeKind kind) const {
 float Bsdf::pdf(const vec3& incoming) const {
   if (unlit_) return 0.0f;
   const vec3 in = basis_.toLocal(incoming);
-  const float p = in.z > 0.0f ? pdfReflection(in) : in.z < 0.0f ? pdfTransmission(in) : 0.0f;
+  const float p = in.z > 0.0f   ? pdfReflection(in, half(in))
+                  : in.z < 0.0f ? pdfTransmission(in)
+                                : 0.0f;
   return finished_ && in.z > 0.0f ? p + finishPdf(incoming, in) : p;
+}
+
+BsdfValue Bsdf::value(const vec3& incoming, LobeKind kind) const {
+  if (unlit_) return {};
+  const vec3 in = basis_.toLocal(incoming);
+  if (finished_ || !(in.z > 0.0f)) return {evaluate(incoming, kind), pdf(incoming)};
+  BsdfValue value = reflection(in, kind);
+  if (!aboveHorizon(incoming)) value.f = vec3(0.0f);
+  return value;
 }
 
 bool Bsdf::refract(const vec3& microNormal, vec3& in) const {
@@ -375,10 +398,12 @@ bool Bsdf::sample(Sampler& sampler, BsdfSample& out) const {
   if (out.transmitted ? !through : !aboveHorizon(out.direction)) return false;
   if (finished_) return finishSample(local, out);
   if (out.delta) return true;
-  out.pdf = out.transmitted ? pdfTransmission(local) : pdfReflection(local);
+  const BsdfValue value = out.transmitted
+                              ? BsdfValue{evaluateTransmission(local), pdfTransmission(local)}
+                              : reflection(local, LobeKind::kAll);
+  out.pdf = value.pdf;
   if (!(out.pdf > 0.0f)) return false;
-  out.weight =
-      (out.transmitted ? evaluateTransmission(local) : evaluateReflection(local)) / out.pdf;
+  out.weight = value.f / out.pdf;
   return true;
 }
 

@@ -32,6 +32,13 @@ struct BsdfSample {
   float etaSquared = 1.0f;
 };
 
+/// What a Bsdf says of a direction: f(outgoing, incoming) * |cos incoming|, and the density of
+/// sample() per solid angle. Delta lobes are left out of both.
+struct BsdfValue {
+  vec3 f{0.0f};
+  float pdf = 0.0f;
+};
+
 /// Which of the lobes that are no delta: those as narrow as kSharpAlpha, the others.
 enum class LobeKind : std::uint8_t { kAll, kSharp, kBroad };
 
@@ -46,6 +53,8 @@ class Bsdf {
   vec3 evaluate(const vec3& incoming, LobeKind kind = LobeKind::kAll) const;
   /// Density of sample() per solid angle, delta lobes left out.
   float pdf(const vec3& incoming) const;
+  /// evaluate() and pdf(), for less than the two; the density is of all lobes.
+  BsdfValue value(const vec3& incoming, LobeKind kind = LobeKind::kAll) const;
   /// False if the sampled path ends (absorbed or below the surface).
   bool sample(Sampler& sampler, BsdfSample& out) const;
   /// Settles by which kind of lobe a sampled direction goes on, where both may: its weight is then
@@ -108,6 +117,17 @@ class Bsdf {
   }
 
  private:
+  /// The micro normal that reflects one direction into another, as the lobes ask for it.
+  struct Half {
+    float cosine;          ///< of both directions to it
+    float up;              ///< its cosine to the normal
+    float density = 0.0f;  ///< of micro normals there; 0 where no lobe asks
+  };
+  /// Of the specular lobe, and what light from there does not reach of what lies below.
+  struct Reflectance {
+    vec3 specular;
+    float interface;
+  };
   struct Lobes {
     float diffuse, specular, transmission, coat, sheen;  ///< chances, sum 1 (or all 0)
   };
@@ -130,8 +150,10 @@ class Bsdf {
   vec3 albedoOf(const vec3& diffuse, const vec3& gloss, bool coat) const;
   float lowerSheen() const;
   vec3 finishAlbedo(const vec3& diffuse, const vec3& gloss, bool coat) const;
-  vec3 fresnel(float cosine) const;
-  float interface(float cosine) const;
+  Reflectance reflectance(float cosine) const;
+  vec3 fresnel(float cosine) const { return reflectance(cosine).specular; }
+  float interface(float cosine) const { return reflectance(cosine).interface; }
+  Half half(const vec3& in) const;
   bool coatIs(LobeKind kind) const;
   vec3 coatReflection(const vec3& incoming) const;
   float finishPdf(const vec3& incoming, const vec3& in) const;
@@ -142,16 +164,18 @@ class Bsdf {
   vec3 film(float cosine) const;
   vec3 metal(float cosine) const;
   float density(const vec3& half) const;
+  float lambda(const vec3& v) const;
   float maskingShadowing(const vec3& in) const;
-  float visiblePdf(const vec3& half) const;
+  float visiblePdf(const Half& half) const;
   vec3 sampleVisible(vec2 u) const;
   float dielectricWeight(float cosine) const;
   bool hasSpecular(LobeKind kind) const {
     return !smooth_ && (kind == LobeKind::kAll || (kind == LobeKind::kSharp) == sharp_);
   }
-  vec3 evaluateReflection(const vec3& in, LobeKind kind = LobeKind::kAll) const;
+  vec3 evaluateReflection(const vec3& in, const Half& half, LobeKind kind = LobeKind::kAll) const;
   vec3 evaluateTransmission(const vec3& in) const;
-  float pdfReflection(const vec3& in) const;
+  float pdfReflection(const vec3& in, const Half& half) const;
+  BsdfValue reflection(const vec3& in, LobeKind kind) const;
   float pdfTransmission(const vec3& in) const;
   bool sampleSpecular(Sampler& sampler, BsdfSample& out) const;
   bool sampleTransmission(Sampler& sampler, BsdfSample& out) const;
@@ -165,6 +189,7 @@ class Bsdf {
   vec3 metalColor_{0.0f}, metalEta_{0.0f}, metalK_{0.0f}, absorption_{0.0f};
   float f90_ = 1.0f, metallic_ = 0.0f, transmission_ = 0.0f, alpha_ = 1.0f, coverage_ = 1.0f;
   float eta_ = 1.0f;     ///< index on the far side over this side, if it refracts
+  float masked_ = 0.0f;  ///< Smith's Lambda of `outgoing`
   float across_ = 1.0f;  ///< alpha along the basis's tangent, if anisotropic_; alpha_ is the other
   float film_ = 0.0f, filmIor_ = 1.0f, filmNanometres_ = 0.0f;  ///< film_: share
   Coat coat_;
@@ -173,7 +198,7 @@ class Bsdf {
   bool front_ = true, unlit_ = false, onlyDelta_ = false, smooth_ = false, sharp_ = false,
        refracts_ = false, entering_ = true;
   bool cacheable_ = true, showsOthers_ = false, finished_ = false, anisotropic_ = false,
-       conducts_ = false, beckmann_ = false;
+       conducts_ = false, beckmann_ = false, lambertian_ = false;
 };
 
 /// Whether a material has smooth transmission somewhere.

@@ -241,19 +241,22 @@ float lambdaOf(const vec3& v, float across, float alpha) {
 }
 }  // namespace
 
-float Bsdf::maskingShadowing(const vec3& in) const {
-  if (beckmann_) {
-    return 1.0f / (1.0f + beckmannLambda(out_.z, alpha_) + beckmannLambda(in.z, alpha_));
-  }
-  if (!anisotropic_) return ggxMaskingShadowing(out_.z, in.z, alpha_);
-  return 1.0f / (1.0f + lambdaOf(out_, across_, alpha_) + lambdaOf(in, across_, alpha_));
+/// Smith's Lambda; of either side.
+float Bsdf::lambda(const vec3& v) const {
+  if (beckmann_) return beckmannLambda(v.z, alpha_);
+  return anisotropic_ ? lambdaOf(v, across_, alpha_) : ggxLambda(v.z, alpha_);
 }
 
-float Bsdf::visiblePdf(const vec3& half) const {
-  if (beckmann_) return beckmannDensity(half.z, alpha_) * half.z;
-  if (!anisotropic_) return ggxVisiblePdf(out_, half, alpha_);
-  return std::max(glm::dot(out_, half), 0.0f) * density(half) /
-         ((1.0f + lambdaOf(out_, across_, alpha_)) * out_.z);
+/// Height-correlated, of two directions on the same side.
+float Bsdf::maskingShadowing(const vec3& in) const { return 1.0f / (1.0f + masked_ + lambda(in)); }
+
+/// Density of sampleVisible() per solid angle of the micro normal.
+float Bsdf::visiblePdf(const Half& half) const {
+  if (beckmann_) return half.density * half.up;
+  if (anisotropic_) {
+    return std::max(half.cosine, 0.0f) * half.density / ((1.0f + masked_) * out_.z);
+  }
+  return 1.0f / (1.0f + masked_) * std::max(half.cosine, 0.0f) * half.density / out_.z;
 }
 
 vec3 Bsdf::sampleVisible(vec2 u) const {

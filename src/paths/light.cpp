@@ -12,9 +12,10 @@ namespace {
 /// which know no planes: with 0.25 a furnace of albedo 0.5 is 1.9 % dark, with 0.06 it is 0.7 %.
 constexpr float kShadowWidth = 0.06f;
 
-/// Share of light sampling in light of density `pdf` from a direction.
-float lightWeight(const Bsdf& bsdf, const LightSample& light, const vec3& direction, float pdf) {
-  return light.delta ? 1.0f : powerHeuristic(pdf, bsdf.pdf(direction));
+/// Share of light sampling in light of density `pdf` from a direction that scattering has with
+/// density `scattered`.
+float lightWeight(const LightSample& light, float pdf, float scattered) {
+  return light.delta ? 1.0f : powerHeuristic(pdf, scattered);
 }
 
 }  // namespace
@@ -31,8 +32,8 @@ void PathTracer::ask(WavePath& path, Wave& wave) const {
   const LightSample& light = q.light;
   const bool caustic = light.delta && path.spread && path.caustics != nullptr;
   q.kind = caustic ? LobeKind::kBroad : LobeKind::kAll;
-  q.f = bsdf.evaluate(light.direction, q.kind);
-  if (maxComponent(q.f) <= 0.0f) return;
+  q.surface = bsdf.value(light.direction, q.kind);
+  if (maxComponent(q.surface.f) <= 0.0f) return;
   if (!rays_.leave(path.surface, light.direction, bsdf.leavesFront(light.direction), q.start))
     return;
   // A cone vertex gathers its far field without emission, so a far emitter is light sampling's
@@ -42,8 +43,8 @@ void PathTracer::ask(WavePath& path, Wave& wave) const {
   q.coneShadow =
       path.coneVertex && light.solidAngle > guess_.shadowSolidAngle && light.distance > near;
   if (q.coneShadow) {
-    const float weight = q.farEmitter ? 1.0f : lightWeight(bsdf, light, light.direction, light.pdf);
-    shadowCone(path, path.throughput * q.f * light.radiance / light.pdf * weight, wave);
+    const float weight = q.farEmitter ? 1.0f : lightWeight(light, light.pdf, q.surface.pdf);
+    shadowCone(path, path.throughput * q.surface.f * light.radiance / light.pdf * weight, wave);
     if (!path.paired) return;
   }
   path.asks = true;
@@ -66,10 +67,10 @@ void PathTracer::takeAnswer(WavePath& path) const {
   const vec3 absorption = bsdf.absorptionTowards(light.direction, path.absorption);
   const LightConnection way = connect(path, q.start, light.direction, light.end(), absorption);
   if (!way.reaches()) return;
-  const vec3 f = way.refracted ? bsdf.evaluate(way.direction, q.kind) : q.f;
+  const BsdfValue surface = way.refracted ? bsdf.value(way.direction, q.kind) : q.surface;
   const float pdf = light.pdfBy(way);
-  const vec3 unweighted = path.throughput * f * light.radiance * way.passed / pdf;
-  const float weight = lightWeight(bsdf, light, way.direction, pdf),
+  const vec3 unweighted = path.throughput * surface.f * light.radiance * way.passed / pdf;
+  const float weight = lightWeight(light, pdf, surface.pdf),
               guessWeight = q.farEmitter ? 1.0f : weight;
   const vec3 exact = unweighted * weight;
   const bool direct = path.scattered == 0;

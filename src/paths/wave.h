@@ -17,8 +17,8 @@ namespace trex {
 struct LightQuestion {
   LightSample light;
   RayStart start;
-  vec3 f{0.0f};                    ///< of the straight direction
-  LobeKind kind = LobeKind::kAll;  ///< what `f` counts
+  BsdfValue surface;               ///< of the straight direction
+  LobeKind kind = LobeKind::kAll;  ///< what its f counts
   bool farEmitter = false;         ///< an emitter beyond the near field: no cone gathers it
   bool coneShadow = false;         ///< the guess has asked a cone
 };
