@@ -87,10 +87,10 @@ void Bsdf::readMaterial(const Scene& scene, const Surface& surface, bool frontSi
   const vec4 base =
       m.baseColor * surface.color * readTexture(scene.images, m.baseColorTexture, uv, true);
   const vec3 color = glm::clamp(vec3(base), 0.0f, 1.0f);
-  coverage_ = coverageOf(m, base.w);
+  if (m.alphaMode != AlphaMode::kOpaque) coverage_ = coverageOf(m, base.w);
 
   unlit_ = m.unlit;
-  if (frontSide || m.doubleSided) emission_ = emissionAt(m, scene.images, uv);
+  if (m.emits() && (frontSide || m.doubleSided)) emission_ = emissionAt(m, scene.images, uv);
   if (unlit_) {
     emission_ = color;
     return;

@@ -280,10 +280,13 @@ void Emitters::add(const Run& run, std::vector<Measured>& measured) {
   for (Measured& one : measured) {
     Triangle& t = one.triangle;
     const auto lamp = lampOf_.try_emplace(pairOf(one.object, t.material),
-                                          static_cast<std::uint32_t>(lampAreas_.size()));
-    if (lamp.second) lampAreas_.push_back(0.0f);
+                                          static_cast<std::uint32_t>(lamps_.size()));
+    if (lamp.second) {
+      const Material& m = scene_.materials[t.material];
+      lamps_.push_back({.emission = m.emission, .plain = isPlain(m), .shinesBack = m.doubleSided});
+    }
     t.lamp = lamp.first->second;
-    lampAreas_[t.lamp] += t.area;
+    lamps_[t.lamp].area += t.area;
     if (!one.cells.empty()) {
       t.cells = static_cast<std::uint32_t>(cells_.size());
       cells_.insert(cells_.end(), one.cells.begin(), one.cells.end());
@@ -321,16 +324,17 @@ Emitters::Place Emitters::sample(const Triangle& t, double u, float v) const {
     out.density *= (*at - before) * static_cast<float>(count);
   }
   const double root = std::sqrt(u);
-  const glm::dvec2 weights =
-      inCell(t.edgeCells, cell, root * glm::dvec2(1.0 - static_cast<double>(v), v));
+  glm::dvec2 weights = root * glm::dvec2(1.0 - static_cast<double>(v), v);
+  if (t.edgeCells > 1) weights = inCell(t.edgeCells, cell, weights);
   out.position = t.corner + weights.x * dvec3(t.edge1) + weights.y * dvec3(t.edge2);
-  const Material& material = scene_.materials[t.material];
-  if (isPlain(material)) {
-    out.radiance = material.emission;
+  const Lamp& lamp = lamps_[t.lamp];
+  if (lamp.plain) {
+    out.radiance = lamp.emission;
   } else {
     const Surface surface =
         rays_.surface({weights.x, weights.y, 0.0f, t.instance, t.cluster, t.triangle});
-    out.radiance = sentOut(scene_, material, surface.texCoords, surface.color.w);
+    out.radiance =
+        sentOut(scene_, scene_.materials[t.material], surface.texCoords, surface.color.w);
   }
   return out;
 }
@@ -344,9 +348,9 @@ float Emitters::density(const Triangle& t, float u, float v) const {
 }
 
 std::uint64_t Emitters::bytes() const {
-  return triangles_.size() * sizeof(Triangle) +
-         (cells_.size() + lampAreas_.size()) * sizeof(float) +
-         slots_.size() * sizeof(std::uint32_t) + clusters_.size() * 32;
+  return triangles_.size() * sizeof(Triangle) + cells_.size() * sizeof(float) +
+         lamps_.size() * sizeof(Lamp) + slots_.size() * sizeof(std::uint32_t) +
+         clusters_.size() * 32;
 }
 
 }  // namespace trex

@@ -45,9 +45,9 @@ class Emitters {
   Emitters(const Scene& scene, const RayScene& rays);
 
   const std::vector<Triangle>& triangles() const { return triangles_; }
-  bool shinesBack(const Triangle& t) const { return scene_.materials[t.material].doubleSided; }
+  bool shinesBack(const Triangle& t) const { return lamps_[t.lamp].shinesBack; }
   /// Area of all triangles of the same object and material, m^2.
-  float lampArea(const Triangle& t) const { return lampAreas_[t.lamp]; }
+  float lampArea(const Triangle& t) const { return lamps_[t.lamp].area; }
   /// Number of the triangle that a ray met; kNotFound if it isn't one of these.
   std::uint32_t find(const RayHit& hit) const;
   /// A place in proportion to what is sent out there, about; u in [0, 1)^2.
@@ -59,6 +59,12 @@ class Emitters {
   std::uint64_t bytes() const;
 
  private:
+  /// The triangles of one object and material: what a sample of any of them asks for.
+  struct Lamp {
+    vec3 emission;
+    float area = 0.0f;       ///< m^2
+    bool plain, shinesBack;  ///< plain: all of it sends out the same
+  };
   struct Run;
   struct Budget;
   struct Measured;
@@ -75,8 +81,8 @@ class Emitters {
   const RayScene& rays_;
   std::vector<Triangle> triangles_;
   std::vector<float> cells_;  ///< cumulative shares, cell by cell, of each picture
-  std::vector<float> lampAreas_;
-  std::unordered_map<std::uint64_t, std::uint32_t> lampOf_;    ///< object and material to lamp
+  std::vector<Lamp> lamps_;
+  std::unordered_map<std::uint64_t, std::uint32_t> lampOf_;    ///< object and material to lamps_
   std::unordered_map<std::uint64_t, std::uint32_t> clusters_;  ///< instance and cluster to slots_
   std::vector<std::uint32_t> slots_;                           ///< by triangle of a cluster
   float largestRatio_ = 1.0f;
