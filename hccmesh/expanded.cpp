@@ -17,8 +17,8 @@ GridBox leafBoxOf(const ExpandedLeaf& leaf) {
   for (const auto& corner : leaf.corner) {
     for (int k = 0; k < 3; ++k) {
       const auto [least, most] = std::minmax_element(corner[k], corner[k] + leaf.triangles);
-      box.lower[k] = std::min(box.lower[k], *least);
-      box.upper[k] = std::max(box.upper[k], *most);
+      box.lower[k] = std::min(box.lower[k], static_cast<std::int32_t>(*least));
+      box.upper[k] = std::max(box.upper[k], static_cast<std::int32_t>(*most));
     }
   }
   return box;
@@ -49,7 +49,7 @@ void Expanded::expandCluster(const Mesh& mesh, std::uint32_t cluster, std::size_
     for (int corner = 0; corner < 3; ++corner) {
       for (std::uint32_t t = 0; t < topology.triangles; ++t) {
         const std::int32_t* at = grid[topology.vertex[topology.corner[corner][t]]];
-        for (int k = 0; k < 3; ++k) leaf.corner[corner][k][t] = at[k];
+        for (int k = 0; k < 3; ++k) leaf.corner[corner][k][t] = static_cast<float>(at[k]);
       }
     }
   }

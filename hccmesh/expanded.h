@@ -15,7 +15,7 @@ class Mesh;
 
 /// Up to 8 triangles of a cluster.
 struct alignas(32) ExpandedLeaf {
-  std::int32_t corner[3][3][8];   ///< grid cells: by corner, axis, triangle
+  float corner[3][3][8];          ///< grid cells: by corner, axis, triangle
   std::uint32_t cluster, number;  ///< of the leaf in its cluster
   std::uint32_t triangles;
 };

@@ -162,6 +162,7 @@ struct alignas(16) PreparedRay {
   float step, cells;           ///< metres a cell, cells a metre
   float depth;                 ///< the direction's largest component, without sign
   std::int32_t axis[3];        ///< kx, ky, kz
+  bool isFar;                  ///< `cell` is beyond what a float has exactly
   std::uint32_t nearPlane[3];  ///< of lower x, upper x, lower y, ...: which the ray meets first
   double shift;                ///< t that origin was moved forward by, in those units
   glm::dvec3 exactOrigin, direction, target;
@@ -174,6 +175,8 @@ struct alignas(16) PreparedRay {
 };
 
 struct MeshView;
+struct Kernels;
+struct ExpandedKernels;
 
 class Mesh {
  public:
@@ -238,25 +241,20 @@ class Mesh {
   bool intersect(PreparedRay& ray, Hit& hit) const;
   /// Whether anything of the whole mesh lies in [tnear, tfar].
   bool occluded(const PreparedRay& ray) const;
+  /// As the two above for each ray of a span, with the same bits but faster: rays that are under
+  /// way together wait for memory at the same time. `hits`, `blocked` (1 or 0): one a ray; a hit
+  /// stays as it was where nothing nearer is found.
+  void intersect(std::span<PreparedRay> rays, std::span<Hit> hits) const;
+  void occluded(std::span<const PreparedRay> rays, std::span<std::uint8_t> blocked) const;
   /// Nearest hit inside one cluster in [tnear, tfar]; updates hit and tfar if it finds one. On
   /// equal t the lower (cluster, triangle) wins, so the result does not depend on the order of
   /// visits.
-  bool intersect(std::uint32_t cluster, PreparedRay& ray, Hit& hit) const {
-    return intersect_(blob(cluster), ray, cluster, hit);
-  }
-  bool occluded(std::uint32_t cluster, const PreparedRay& ray) const {
-    return occluded_(blob(cluster), ray, cluster);
-  }
+  bool intersect(std::uint32_t cluster, PreparedRay& ray, Hit& hit) const;
+  bool occluded(std::uint32_t cluster, const PreparedRay& ray) const;
   /// The instruction set that this mesh's tests run on, "AVX2" for one.
-  const char* targetName() const { return targetName_; }
+  const char* targetName() const;
 
  private:
-  using IntersectFunction = bool (*)(const std::byte*, PreparedRay&, std::uint32_t, Hit&);
-  using OccludedFunction = bool (*)(const std::byte*, const PreparedRay&, std::uint32_t);
-  using IntersectMeshFunction = bool (*)(const MeshView&, PreparedRay&, Hit&);
-  using OccludedMeshFunction = bool (*)(const MeshView&, const PreparedRay&);
-  using IntersectExpandedFunction = bool (*)(const MeshView&, const Expanded&, PreparedRay&, Hit&);
-  using OccludedExpandedFunction = bool (*)(const MeshView&, const Expanded&, const PreparedRay&);
   static constexpr unsigned kBlobShift = 4;  ///< layout::kTableShift
 
   explicit Mesh(Bytes bytes);
@@ -273,14 +271,8 @@ class Mesh {
 
   TopLevel top_;
   std::shared_ptr<const Expanded> expanded_;  ///< null: rays meet clusters
-  IntersectFunction intersect_ = nullptr;     ///< chosen for this processor when the mesh is made
-  OccludedFunction occluded_ = nullptr;
-  IntersectMeshFunction intersectMesh_ = nullptr;
-  OccludedMeshFunction occludedMesh_ = nullptr;
-  IntersectExpandedFunction intersectExpanded_ = nullptr;
-  OccludedExpandedFunction occludedExpanded_ = nullptr;
-  void (*corners_)(const std::byte* record, std::uint32_t place, std::uint32_t* vertex) = nullptr;
-  const char* targetName_ = "";
+  const Kernels* kernels_ = nullptr;          ///< for this processor, chosen when the mesh is made
+  const ExpandedKernels* expandedKernels_ = nullptr;
 
  public:
   ~Mesh() = default;

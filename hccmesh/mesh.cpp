@@ -80,13 +80,7 @@ Mesh::Mesh(std::span<const std::byte> bytes, std::shared_ptr<const void> owner)
   table_ = reinterpret_cast<const std::uint32_t*>(bytes_.data() + sizeof(layout::Header));
   step_ = stepOf(bytes_);
   cells_ = 1.0f / step_;
-  const Kernels kernels = chooseKernels();
-  intersect_ = kernels.intersect;
-  occluded_ = kernels.occluded;
-  intersectMesh_ = kernels.intersectMesh;
-  occludedMesh_ = kernels.occludedMesh;
-  corners_ = kernels.corners;
-  targetName_ = kernels.name;
+  kernels_ = chooseKernels();
   std::vector<GridBox> boxes(clusterCount());
   for (std::uint32_t i = 0; i < clusterCount(); ++i) boxes[i] = boxOf(clusterOf(blob(i)));
   top_ = TopLevel(boxes);
@@ -186,8 +180,8 @@ Triangle Mesh::triangle(std::uint32_t cluster, std::uint32_t index) const {
   out.hasTexCoords = (h.flags & layout::kTexCoords) != 0;
   out.hasColors = (h.flags & layout::kColors) != 0;
   std::uint32_t corners[3];
-  corners_(b + layout::recordOffset(b, h, index / layout::kLeafSize), index % layout::kLeafSize,
-           corners);
+  kernels_->corners(b + layout::recordOffset(b, h, index / layout::kLeafSize),
+                    index % layout::kLeafSize, corners);
   for (std::uint32_t corner = 0; corner < 3; ++corner) {
     const std::uint32_t vertex = corners[corner];
     std::int32_t grid[3];
@@ -213,18 +207,38 @@ MeshView Mesh::view() const { return {top_.nodes().data(), bytes_.data(), table_
 void Mesh::expand() {
   if (expanded_ || clusterCount() == 0) return;
   expanded_ = std::make_shared<const Expanded>(*this);
-  const ExpandedKernels kernels = chooseExpandedKernels();
-  intersectExpanded_ = kernels.intersect;
-  occludedExpanded_ = kernels.occluded;
+  expandedKernels_ = chooseExpandedKernels();
 }
 
+const char* Mesh::targetName() const { return kernels_->name; }
+
+bool Mesh::intersect(std::uint32_t cluster, PreparedRay& ray, Hit& hit) const {
+  return kernels_->intersect(blob(cluster), ray, cluster, hit);
+}
+bool Mesh::occluded(std::uint32_t cluster, const PreparedRay& ray) const {
+  return kernels_->occluded(blob(cluster), ray, cluster);
+}
 bool Mesh::intersect(PreparedRay& ray, Hit& hit) const {
-  if (expanded_) return intersectExpanded_(view(), *expanded_, ray, hit);
-  return !top_.nodes().empty() && intersectMesh_(view(), ray, hit);
+  if (expanded_) return expandedKernels_->intersect(view(), *expanded_, ray, hit);
+  return !top_.nodes().empty() && kernels_->intersectMesh(view(), ray, hit);
 }
 bool Mesh::occluded(const PreparedRay& ray) const {
-  if (expanded_) return occludedExpanded_(view(), *expanded_, ray);
-  return !top_.nodes().empty() && occludedMesh_(view(), ray);
+  if (expanded_) return expandedKernels_->occluded(view(), *expanded_, ray);
+  return !top_.nodes().empty() && kernels_->occludedMesh(view(), ray);
+}
+void Mesh::intersect(std::span<PreparedRay> rays, std::span<Hit> hits) const {
+  if (expanded_)
+    expandedKernels_->intersectSpan(view(), *expanded_, rays, hits.data());
+  else if (!top_.nodes().empty())
+    kernels_->intersectSpan(view(), rays, hits.data());
+}
+void Mesh::occluded(std::span<const PreparedRay> rays, std::span<std::uint8_t> blocked) const {
+  if (expanded_)
+    expandedKernels_->occludedSpan(view(), *expanded_, rays, blocked.data());
+  else if (!top_.nodes().empty())
+    kernels_->occludedSpan(view(), rays, blocked.data());
+  else
+    std::ranges::fill(blocked, std::uint8_t{0});
 }
 
 namespace {
@@ -280,15 +294,16 @@ PreparedRay Mesh::prepare(const Ray& ray) const {
   const int kz = longestAxis(size);
   const float largest = p.depth = size[kz];
   // With the direction's sign they keep the winding.
-  constexpr std::int8_t kAcross[2][3] = {{1, 2, 0}, {2, 0, 1}};
+  static constexpr std::int8_t kAcross[2][3] = {{1, 2, 0}, {2, 0, 1}};
   const bool down = d[kz] < 0.0f;
   const int kx = kAcross[down][kz], ky = kAcross[!down][kz];
   p.axis[0] = kx, p.axis[1] = ky, p.axis[2] = kz;
   p.shear[0] = d[kx] / d[kz];
   p.shear[1] = d[ky] / d[kz];
   p.shear[2] = 1.0f / d[kz];
-  // A component this much smaller than the largest moves the ray by less than a cell.
-  const float least = largest * 0x1p-60f;
+  // A component this much smaller than the largest moves the ray by less than a cell. So no product
+  // of its inverse and a place overflows.
+  const float least = largest * 0x1p-40f;
   for (int k = 0; k < 3; ++k) {
     p.inverse[k] = 1.0f / (size[k] >= least ? d[k] : std::copysign(least, d[k]));
     p.nearPlane[k] = 2u * static_cast<std::uint32_t>(k) + (p.inverse[k] < 0.0f ? 1u : 0u);
@@ -305,10 +320,12 @@ PreparedRay Mesh::prepare(const Ray& ray) const {
   } else {
     approach(ray, p);
   }
+  p.isFar = false;
   for (int k = 0; k < 3; ++k) {
     const double whole = std::abs(p.exactOrigin[k]) < 0x1p30 ? std::rint(p.exactOrigin[k]) : 0.0;
     p.cell[k] = static_cast<std::int32_t>(whole);
     p.origin[k] = static_cast<float>(p.exactOrigin[k] - whole);
+    p.isFar |= std::abs(whole) > 0x1p24;
   }
   setSurfaces(ray, p);
   if (!(largest >= 0x1p-60f) || !std::isfinite(size[0] + size[1] + size[2])) {

@@ -174,7 +174,7 @@ class Builder {
       std::uint32_t shift = 0;
       while (((extent + (1u << shift) - 1u) >> shift) > 255u) ++shift;
       node.lower[k] = all.lower[k];
-      node.shift[k] = static_cast<std::uint8_t>(shift);
+      node.exponent[k] = static_cast<std::uint8_t>(127u + shift);
       for (std::size_t i = 0; i < parts.size(); ++i) {
         const auto low = static_cast<std::uint32_t>(box[i].lower[k] - all.lower[k]),
                    high = static_cast<std::uint32_t>(box[i].upper[k] - all.lower[k]);

@@ -36,12 +36,13 @@ struct GridBox {
   }
 };
 
-/// A child's box is lower + (planes << shift) along each axis, and holds all that is below it.
+/// A child's box is lower + planes * 2^(exponent - 127) along each axis, and holds all that is
+/// below it.
 struct alignas(32) TopNode {
   static constexpr std::uint32_t kCluster = 0x80000000u;  ///< flag of a child that is a cluster
 
   std::int32_t lower[3];
-  std::uint8_t shift[3], children;
+  std::uint8_t exponent[3], children;
   std::uint8_t planes[6][8];  ///< lower x, upper x, lower y, ...; by child
   std::uint32_t child[8];     ///< a node, or kCluster + a cluster
 };

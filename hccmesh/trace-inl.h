@@ -11,6 +11,7 @@
 
 #include "hccmesh/hccmesh.h"
 #include "hccmesh/layout.h"
+#include "hccmesh/top_level.h"
 
 namespace hccm {
 inline constexpr float kTolerance = 0x1p-19f;  // of t; see the boxes
@@ -85,33 +86,115 @@ using MF = hn::Mask<DF>;
 constexpr std::size_t kLanes = hn::MaxLanes(DF());
 static_assert(kLanes == 4 || kLanes == 8);
 
-struct Vertex {
-  VF x, y, z;  // sheared to the ray's frame; z along the ray in units of its direction, cells
+// Corner i of kLanes triangles, sheared to the ray's frame.
+struct Corners {
+  VF x[3], y[3];
+  VF depth[3];  // not yet in units of the ray's direction
 };
 
 // From a corner's distance to the origin, axes in the ray's order.
+struct Vertex {
+  VF x, y, depth;
+};
 HWY_INLINE Vertex shearVertex(const VF (&p)[3], const PreparedRay& ray) {
   const DF df;
-  Vertex v;
-  v.x = hn::Sub(p[0], hn::Mul(hn::Set(df, ray.shear[0]), p[2]));
-  v.y = hn::Sub(p[1], hn::Mul(hn::Set(df, ray.shear[1]), p[2]));
-  v.z = hn::Mul(hn::Set(df, ray.shear[2]), p[2]);
-  return v;
+  return {hn::Sub(p[0], hn::Mul(hn::Set(df, ray.shear[0]), p[2])),
+          hn::Sub(p[1], hn::Mul(hn::Set(df, ray.shear[1]), p[2])), p[2]};
 }
 
-// Which boxes are met between these distances, give or take kTolerance; where they are entered goes
-// to `entry`.
+// The ray as boxes see it, axes in each block of four lanes: it meets a plane p (grid cells) that
+// it may enter by at p * inverse - nearOffset or later, and one that it may leave by at p * inverse
+// - farOffset or sooner. Boxes are wider by two cells, for the rounding of vertices (2^-24 of a
+// triangle's extent) and of sums about p (2^-24 of the mesh's), and by 2^-21 of the origin's
+// distance for its rounding; they end later by kBeyond, for that of both tests, which grows with
+// the distance: 7 roundings of 2^-24 at each end. Behind the start that would be sooner: a ray that
+// goes there has wider boxes.
+struct BoxRay {
+  VF inverse, nearOffset, farOffset;
+  VF tnear;
+  std::uint32_t nearPlane[3];
+};
+constexpr float kBeyond = 1.0f + 0x1p-17f;
+
+HWY_INLINE BoxRay boxRay(const PreparedRay& ray) {
+  const DF df;
+  const VF origin =
+      hn::Add(hn::ConvertTo(df, hn::LoadDup128(DI(), ray.cell)), hn::LoadDup128(df, ray.origin));
+  const VF least = hn::Set(df, ray.tnear >= 0.0f ? 2.0f : 2.0f + 0x1p11f);
+  BoxRay b;
+  b.inverse = hn::LoadDup128(df, ray.inverse);
+  const VF widen =
+      hn::Mul(hn::MulAdd(hn::Abs(origin), hn::Set(df, 0x1p-21f), least), hn::Abs(b.inverse));
+  const VF middle = hn::Mul(origin, b.inverse);
+  b.nearOffset = hn::Add(middle, widen);
+  b.farOffset = hn::Sub(middle, widen);
+  b.tnear = hn::Set(df, ray.tnear);
+  for (int k = 0; k < 3; ++k) b.nearPlane[k] = ray.nearPlane[k];
+  return b;
+}
+
+// Which boxes are met between these distances; where they are entered goes to `entry`.
 HWY_INLINE std::uint32_t boxesMet(VF tnear, VF tfar, float* entry) {
   const DF df;
-  const VF tolerance = hn::Set(df, kTolerance);
-  const VF least = hn::Sub(tnear, hn::Mul(hn::Abs(tnear), tolerance));
-  const VF most = hn::Min(hn::Set(df, std::numeric_limits<float>::max()),
-                          hn::Add(tfar, hn::Mul(hn::Abs(tfar), tolerance)));
-  hn::StoreU(least, df, entry);
+  hn::StoreU(tnear, df, entry);
   std::uint8_t lanes[8] = {};
-  hn::StoreMaskBits(df, hn::Le(least, most), lanes);
+  hn::StoreMaskBits(df, hn::Le(tnear, hn::Mul(tfar, hn::Set(df, kBeyond))), lanes);
   return lanes[0];
 }
+
+// Where a ray that ends at `tfar` needs no more boxes.
+HWY_INLINE float farEnd(float tfar) { return tfar * (tfar >= 0.0f ? kBeyond : 2.0f - kBeyond); }
+
+struct Waiting {
+  std::uint32_t child;
+  float entry;
+};
+
+// Children that wait, with where their boxes are entered.
+struct Stack {
+  std::size_t waiting = 0;
+  Waiting at[7 * TopLevel::kMaxDepth + 8];
+
+  // Of the children of a node that are met, at least one: the nearest. The others wait, the nearest
+  // of them on top. Any order does for kAny.
+  template <bool kAny>
+  HWY_INLINE std::uint32_t nearest(const std::uint32_t* child, const float* entry,
+                                   std::uint32_t met) {
+    auto first = static_cast<std::uint32_t>(std::countr_zero(met));
+    met &= met - 1;
+    if (met == 0) return child[first];
+    auto second = static_cast<std::uint32_t>(std::countr_zero(met));
+    met &= met - 1;
+    if (!kAny) {
+      const bool swap = entry[second] < entry[first];
+      const std::uint32_t nearer = swap ? second : first;
+      second = swap ? first : second;
+      first = nearer;
+    }
+    const std::size_t base = waiting;
+    at[waiting++] = {child[second], entry[second]};
+    Waiting best{child[first], entry[first]};
+    for (; met != 0; met &= met - 1) {
+      const auto i = static_cast<std::uint32_t>(std::countr_zero(met));
+      Waiting other{child[i], entry[i]};
+      if (!kAny && other.entry < best.entry) std::swap(other, best);
+      std::size_t to = waiting++;
+      for (; !kAny && to > base && at[to - 1].entry < other.entry; --to) at[to] = at[to - 1];
+      at[to] = other;
+    }
+    return best.child;
+  }
+  // The next one that is entered before `end`. False if there is none.
+  template <bool kAny>
+  HWY_INLINE bool next(float end, std::uint32_t& child) {
+    do {
+      if (waiting == 0) return false;
+      --waiting;
+    } while (!kAny && at[waiting].entry > end);
+    child = at[waiting].child;
+    return true;
+  }
+};
 
 struct Edges {
   VF u, v, w;
@@ -119,12 +202,12 @@ struct Edges {
 
 // Signs of edge functions that came out as zero in single precision: products of floats are exact
 // in double, so is the sign of their difference.
-inline HWY_NOINLINE void resolveZeros(const Vertex& a, const Vertex& b, const Vertex& c, Edges& e) {
+inline HWY_NOINLINE Edges resolveZeros(VF x0, VF x1, VF x2, VF y0, VF y1, VF y2) {
   const DF df;
   alignas(32) float ax[kLanes], ay[kLanes], bx[kLanes], by[kLanes], cx[kLanes], cy[kLanes];
   alignas(32) float u[kLanes], v[kLanes], w[kLanes];
-  hn::Store(a.x, df, ax), hn::Store(a.y, df, ay), hn::Store(b.x, df, bx);
-  hn::Store(b.y, df, by), hn::Store(c.x, df, cx), hn::Store(c.y, df, cy);
+  hn::Store(x0, df, ax), hn::Store(y0, df, ay), hn::Store(x1, df, bx);
+  hn::Store(y1, df, by), hn::Store(x2, df, cx), hn::Store(y2, df, cy);
   const auto edge = [](float px, float py, float qx, float qy) {
     return static_cast<float>(double(px) * double(qy) - double(py) * double(qx));
   };
@@ -133,7 +216,7 @@ inline HWY_NOINLINE void resolveZeros(const Vertex& a, const Vertex& b, const Ve
     v[i] = edge(ax[i], ay[i], cx[i], cy[i]);
     w[i] = edge(bx[i], by[i], ax[i], ay[i]);
   }
-  e = {hn::Load(df, u), hn::Load(df, v), hn::Load(df, w)};
+  return {hn::Load(df, u), hn::Load(df, v), hn::Load(df, w)};
 }
 
 // How wrong t of single precision can be. Vertices are off by 2^-24 of (2 of their own distance,
@@ -141,14 +224,16 @@ inline HWY_NOINLINE void resolveZeros(const Vertex& a, const Vertex& b, const Ve
 // <= x and depths <= z; weights are off by that over the determinant, and t by that times the range
 // of depths, plus the rounding of depths and weighted sums, which is less than 2^-20 of the
 // largest.
-HWY_INLINE VF blurOf(const Vertex& a, const Vertex& b, const Vertex& d, VF determinant,
+HWY_INLINE VF blurOf(const Corners& c, const VF (&along)[3], VF determinant,
                      const PreparedRay& ray) {
   const DF df;
-  const auto most = [](VF p, VF q, VF r) { return hn::Max(hn::Max(p, q), r); };
-  const VF x = hn::Max(most(hn::Abs(a.x), hn::Abs(b.x), hn::Abs(d.x)),
-                       most(hn::Abs(a.y), hn::Abs(b.y), hn::Abs(d.y)));
-  const VF z = most(hn::Abs(a.z), hn::Abs(b.z), hn::Abs(d.z));
-  const VF range = hn::Sub(most(a.z, b.z, d.z), hn::Min(hn::Min(a.z, b.z), d.z));
+  const auto most = [](const VF(&p)[3]) {
+    return hn::Max(hn::Max(hn::Abs(p[0]), hn::Abs(p[1])), hn::Abs(p[2]));
+  };
+  const VF x = hn::Max(most(c.x), most(c.y));
+  const VF z = most(along);
+  const VF range = hn::Sub(hn::Max(hn::Max(along[0], along[1]), along[2]),
+                           hn::Min(hn::Min(along[0], along[1]), along[2]));
   const VF edges =
       hn::Mul(hn::Mul(x, hn::Set(df, 3.0f * 0x1p-24f)),
               hn::Add(hn::Mul(x, hn::Set(df, 15.0f)), hn::Mul(z, hn::Set(df, 24.0f * ray.depth))));
@@ -188,8 +273,8 @@ HWY_INLINE bool testAsSeen(const layout::ClusterHeader& h, PreparedRay& ray, con
 // Takes the nearest of the accepted lanes into hit; on equal t the lower (cluster, triangle).
 // kAny: whether there is one.
 template <bool kAny, typename Leaf>
-HWY_INLINE bool takeNearest(const Leaf& leaf, std::uint32_t bits, VF t, VF u, VF v, VF blur,
-                            std::uint32_t first, PreparedRay& ray, Hit& hit) {
+HWY_NOINLINE bool takeNearest(const Leaf& leaf, std::uint32_t bits, VF t, VF u, VF v, VF blur,
+                              std::uint32_t first, PreparedRay& ray, Hit& hit) {
   const DF df;
   alignas(32) float ts[kLanes], us[kLanes], vs[kLanes], blurs[kLanes];
   hn::Store(t, df, ts), hn::Store(u, df, us), hn::Store(v, df, vs), hn::Store(blur, df, blurs);
@@ -219,41 +304,39 @@ HWY_INLINE bool takeNearest(const Leaf& leaf, std::uint32_t bits, VF t, VF u, VF
   return found;
 }
 
-// Of the triangles that the ray goes through, by bits. Most leaves that are visited have none: kept
-// apart, it leaves registers to what comes before.
+// Of the triangles that the ray goes through.
 template <bool kAny, typename Leaf>
-HWY_NOINLINE bool takeInside(const Leaf& leaf, const Vertex& a, const Vertex& b, const Vertex& d,
-                             const Edges& e, std::uint8_t inside, std::uint32_t first,
-                             PreparedRay& ray, Hit& hit) {
+HWY_INLINE bool takeInside(const Leaf& leaf, const Corners& c, const Edges& e, MF accept,
+                           std::uint32_t first, PreparedRay& ray, Hit& hit) {
   const DF df;
-  std::uint8_t lanes[8] = {inside};
-  MF accept = hn::LoadMaskBits(df, lanes);
   const VF determinant = hn::Add(hn::Add(e.u, e.v), e.w);
   accept = hn::And(accept, hn::Ne(determinant, hn::Zero(df)));
   const VF reciprocal = hn::Div(hn::Set(df, 1.0f), determinant);
   const VF u = hn::Mul(e.u, reciprocal), v = hn::Mul(e.v, reciprocal), w = hn::Mul(e.w, reciprocal);
-  const VF t = hn::Add(hn::Add(hn::Mul(u, a.z), hn::Mul(v, b.z)), hn::Mul(w, d.z));
-  const VF blur = blurOf(a, b, d, determinant, ray);
+  VF along[3];  // the ray, in units of its direction
+  for (int i = 0; i < 3; ++i) along[i] = hn::Mul(hn::Set(df, ray.shear[2]), c.depth[i]);
+  const VF t = hn::Add(hn::Add(hn::Mul(u, along[0]), hn::Mul(v, along[1])), hn::Mul(w, along[2]));
+  const VF blur = blurOf(c, along, determinant, ray);
   const VF finite = hn::Set(df, std::numeric_limits<float>::max());
   accept =
       hn::And(accept, hn::And(hn::Ge(hn::Add(t, blur), hn::Set(df, ray.tnear)),
                               hn::Le(hn::Sub(t, blur), hn::Min(finite, hn::Set(df, ray.tfar)))));
   if (hn::AllFalse(df, accept)) return false;
+  std::uint8_t lanes[8] = {};
   hn::StoreMaskBits(df, accept, lanes);
   return takeNearest<kAny>(leaf, lanes[0], t, v, w, blur, first, ray, hit);
 }
 
-// Watertight test [Woop et al. 2013] of up to kLanes triangles; `first` is the place of the first.
-// No multiply-add: an edge must give the exact negative when its ends are exchanged.
+// Watertight test [Woop et al. 2013] of the kLanes triangles of `active`; `first` is the place of
+// the first. No multiply-add: an edge must give the exact negative when its ends are exchanged.
 template <bool kAny, typename Leaf>
-HWY_INLINE bool testTriangles(const Leaf& leaf, const Vertex& a, const Vertex& b, const Vertex& d,
-                              std::size_t count, std::uint32_t first, PreparedRay& ray, Hit& hit) {
+HWY_INLINE bool testTriangles(const Leaf& leaf, const Corners& c, MF active, std::uint32_t first,
+                              PreparedRay& ray, Hit& hit) {
   const DF df;
-  Edges e = {hn::Sub(hn::Mul(d.x, b.y), hn::Mul(d.y, b.x)),
-             hn::Sub(hn::Mul(a.x, d.y), hn::Mul(a.y, d.x)),
-             hn::Sub(hn::Mul(b.x, a.y), hn::Mul(b.y, a.x))};
+  Edges e = {hn::Sub(hn::Mul(c.x[2], c.y[1]), hn::Mul(c.y[2], c.x[1])),
+             hn::Sub(hn::Mul(c.x[0], c.y[2]), hn::Mul(c.y[0], c.x[2])),
+             hn::Sub(hn::Mul(c.x[1], c.y[0]), hn::Mul(c.y[1], c.x[0]))};
   const VF zero = hn::Zero(df);
-  MF active = hn::FirstN(df, count);
   if (HWY_UNLIKELY(leaf.ends != 0)) {
     const std::uint8_t ends[8] = {static_cast<std::uint8_t>(leaf.ends >> first)};
     active = hn::AndNot(hn::LoadMaskBits(df, ends), active);
@@ -266,13 +349,213 @@ HWY_INLINE bool testTriangles(const Leaf& leaf, const Vertex& a, const Vertex& b
   if (hn::AllFalse(df, accept)) return false;
   const MF zeros = hn::Or(hn::Or(hn::Eq(e.u, zero), hn::Eq(e.v, zero)), hn::Eq(e.w, zero));
   if (HWY_UNLIKELY(!hn::AllFalse(df, hn::And(accept, zeros)))) {
-    resolveZeros(a, b, d, e);
+    e = resolveZeros(c.x[0], c.x[1], c.x[2], c.y[0], c.y[1], c.y[2]);
     accept = inside();
   }
+  return takeInside<kAny>(leaf, c, e, accept, first, ray, hit);
+}
 
-  std::uint8_t lanes[8] = {};
-  hn::StoreMaskBits(df, accept, lanes);
-  return takeInside<kAny>(leaf, a, b, d, e, lanes[0], first, ray, hit);
+// Below, a Tracer knows a hierarchy of nodes, the first of them the root:
+//
+//   Boxes boxes(ray)                              the ray as its nodes see it
+//   bool isNode(child)
+//   const uint32* children(node)                  8 of them; 0 where there is none
+//   uint32 testNode(node, boxes, end, entry)      which of them are met before `end`, and where
+//   const float* planes(node, buffer)             of their boxes, by plane and child; in cells
+//   bool testLeaf<kAny>(child, boxes, ray, hit)   as testTriangles()
+//   void prefetch(child)
+
+// Nearest first, from `child` on.
+template <bool kAny, typename Tracer>
+HWY_INLINE bool testFrom(const Tracer& tracer, std::uint32_t child, PreparedRay& ray, Hit& hit) {
+  Stack stack;
+  const typename Tracer::Boxes boxes = tracer.boxes(ray);
+  float end = farEnd(ray.tfar);
+  bool found = false;
+  for (;;) {
+    if (tracer.isNode(child)) {
+      alignas(32) float entry[8];
+      const std::uint32_t met = tracer.testNode(child, boxes, end, entry);
+      if (met != 0) {
+        const std::uint32_t* children = tracer.children(child);
+        tracer.prefetch(children, met);
+        child = stack.nearest<kAny>(children, entry, met);
+        continue;
+      }
+    } else if (tracer.template testLeaf<kAny>(child, boxes, ray, hit)) {
+      if (kAny) return true;
+      found = true;
+      end = farEnd(ray.tfar);
+    }
+    if (!stack.next<kAny>(end, child)) return found;
+  }
+}
+template <bool kAny, typename Tracer>
+HWY_NOINLINE bool testAlone(const Tracer& tracer, std::uint32_t child, PreparedRay& ray, Hit& hit) {
+  return testFrom<kAny>(tracer, child, ray, hit);
+}
+
+// kLanes rays whose directions have the same signs: a node is opened once for all of them. Where
+// few of them go on, each does so alone.
+template <bool kAny, typename Tracer>
+class Packet {
+ public:
+  Packet(const Tracer& tracer, PreparedRay* rays, Hit* hits)
+      : tracer_(tracer), rays_(rays), hits_(hits) {
+    alignas(32) float inverse[3][kLanes], near[3][kLanes], far[3][kLanes], tnear[kLanes];
+    for (std::size_t i = 0; i < kLanes; ++i) {
+      const PreparedRay& ray = rays[i];
+      tnear[i] = ray.tnear;
+      end_[i] = farEnd(ray.tfar);
+      const float least = ray.tnear >= 0.0f ? 2.0f : 2.0f + 0x1p11f;
+      for (int k = 0; k < 3; ++k) {  // as boxRay()
+        const float origin = static_cast<float>(ray.cell[k]) + ray.origin[k];
+        const float widen = (std::abs(origin) * 0x1p-21f + least) * std::abs(ray.inverse[k]);
+        inverse[k][i] = ray.inverse[k];
+        near[k][i] = origin * ray.inverse[k] + widen;
+        far[k][i] = origin * ray.inverse[k] - widen;
+      }
+    }
+    const DF df;
+    for (int k = 0; k < 3; ++k) {
+      inverse_[k] = hn::Load(df, inverse[k]);
+      nearOffset_[k] = hn::Load(df, near[k]), farOffset_[k] = hn::Load(df, far[k]);
+      nearPlane_[k] = rays[0].nearPlane[k];
+    }
+    tnear_ = hn::Load(df, tnear);
+  }
+  static bool suits(const PreparedRay* rays) {
+    bool same = true;
+    for (std::size_t i = 1; i < kLanes; ++i)
+      for (int k = 0; k < 3; ++k) same &= rays[i].nearPlane[k] == rays[0].nearPlane[k];
+    return same;
+  }
+  // Which rays have found something.
+  std::uint32_t run() {
+    Waiters here;
+    here.child = 0;
+    here.mask = (1u << kLanes) - 1u;
+    for (;;) {
+      if (std::popcount(here.mask) <= kFew) {
+        for (std::uint32_t rest = here.mask; rest != 0; rest &= rest - 1) {
+          const auto i = static_cast<std::uint32_t>(std::countr_zero(rest));
+          take(i, testAlone<kAny>(tracer_, here.child, rays_[i], hits_[i]));
+        }
+      } else if (!tracer_.isNode(here.child)) {
+        take(tracer_.template testLeaf<kAny>(here.child, here.mask, rays_, hits_));
+      } else if (open(here.child, here.mask, here)) {
+        continue;
+      }
+      if (!next(here)) return found_;
+    }
+  }
+
+ private:
+  static constexpr int kFew = 3;
+  // Rays that wait for a child, and where each enters its box; the first of them stands for all
+  // where the order is concerned.
+  struct Waiters {
+    alignas(32) float entry[kLanes];
+    std::uint32_t child, mask;
+    float key;
+  };
+
+  void take(std::uint32_t i, bool met) {
+    if (!met) return;
+    found_ |= 1u << i;
+    end_[i] = kAny ? -std::numeric_limits<float>::infinity() : farEnd(rays_[i].tfar);
+  }
+  void take(std::uint32_t met) {
+    for (; met != 0; met &= met - 1) take(static_cast<std::uint32_t>(std::countr_zero(met)), true);
+  }
+  // Puts children that are met on the stack, nearest on top, and takes that.
+  HWY_INLINE bool open(std::uint32_t node, std::uint32_t mask, Waiters& here) {
+    const DF df;
+    alignas(32) float buffer[6][8];
+    const float* planes = tracer_.planes(node, buffer[0]);
+    const std::uint32_t* children = tracer_.children(node);
+    const float *near[3], *far[3];
+    for (int k = 0; k < 3; ++k)
+      near[k] = planes + 8 * nearPlane_[k], far[k] = planes + 8 * (nearPlane_[k] ^ 1u);
+    const VF end = hn::Load(df, end_);
+    const std::size_t base = waiting_;
+    for (std::uint32_t c = 0; c < 8 && children[c] != 0; ++c) {
+      VF from[3], to[3];
+      for (int k = 0; k < 3; ++k) {
+        from[k] = hn::MulSub(hn::Set(df, near[k][c]), inverse_[k], nearOffset_[k]);
+        to[k] = hn::MulSub(hn::Set(df, far[k][c]), inverse_[k], farOffset_[k]);
+      }
+      Waiters& at = waiters_[waiting_];
+      at.mask = mask & boxesMet(hn::Max(hn::Max(from[0], from[1]), hn::Max(from[2], tnear_)),
+                                hn::Min(hn::Min(to[0], to[1]), hn::Min(to[2], end)), at.entry);
+      if (at.mask == 0) continue;
+      at.child = children[c];
+      at.key = at.entry[std::countr_zero(at.mask)];
+      tracer_.prefetch(at.child);
+      ++waiting_;
+      if constexpr (!kAny) {
+        for (std::size_t i = waiting_ - 1; i > base && waiters_[i - 1].key < waiters_[i].key; --i)
+          std::swap(waiters_[i - 1], waiters_[i]);
+      }
+    }
+    if (waiting_ == base) return false;
+    here.child = waiters_[--waiting_].child;
+    here.mask = waiters_[waiting_].mask;
+    return true;
+  }
+  HWY_INLINE bool next(Waiters& here) {
+    const DF df;
+    while (waiting_ != 0) {
+      const Waiters& top = waiters_[--waiting_];
+      std::uint8_t lanes[8] = {};
+      hn::StoreMaskBits(df, hn::Le(hn::Load(df, top.entry), hn::Load(df, end_)), lanes);
+      here.child = top.child;
+      here.mask = top.mask & lanes[0];
+      if (here.mask != 0) return true;
+    }
+    return false;
+  }
+
+  const Tracer& tracer_;
+  PreparedRay* rays_;
+  Hit* hits_;
+  VF inverse_[3], nearOffset_[3], farOffset_[3], tnear_;
+  std::uint32_t nearPlane_[3];
+  alignas(32) float end_[kLanes];  // of each ray
+  std::uint32_t found_ = 0;
+  std::size_t waiting_ = 0;
+  Waiters waiters_[7 * TopLevel::kMaxDepth + 8];
+};
+
+template <typename Tracer>
+HWY_INLINE void intersectSpan(const Tracer& tracer, std::span<PreparedRay> rays, Hit* hits) {
+  std::size_t i = 0;
+  while (i < rays.size()) {
+    if (i + kLanes <= rays.size() && Packet<false, Tracer>::suits(&rays[i])) {
+      Packet<false, Tracer>(tracer, &rays[i], hits + i).run();
+      i += kLanes;
+    } else {
+      testAlone<false>(tracer, 0, rays[i], hits[i]);
+      ++i;
+    }
+  }
+}
+template <typename Tracer>
+HWY_INLINE void occludedSpan(const Tracer& tracer, std::span<const PreparedRay> rays,
+                             std::uint8_t* blocked) {
+  auto* all = const_cast<PreparedRay*>(rays.data());  // they stay as they are
+  Hit none[kLanes];
+  std::size_t i = 0;
+  while (i < rays.size()) {
+    if (i + kLanes <= rays.size() && Packet<true, Tracer>::suits(all + i)) {
+      const std::uint32_t found = Packet<true, Tracer>(tracer, all + i, none).run();
+      for (std::size_t lane = 0; lane < kLanes; ++lane) blocked[i + lane] = found >> lane & 1u;
+      i += kLanes;
+    } else {
+      blocked[i] = testAlone<true>(tracer, 0, all[i], none[0]);
+      ++i;
+    }
+  }
 }
 
 }  // namespace HWY_NAMESPACE

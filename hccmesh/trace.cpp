@@ -224,18 +224,24 @@ class LocalVertices {
       set(i, decodeVertex(c, ray, hn::PromoteTo(du, hn::LoadU(db, numbers + i * kLanes))));
     wide_ = leaf.locals > kLanes;
   }
-  // Those of kLanes triangles from `first`, from nibbles of local numbers.
-  HWY_INLINE Vertex corners(std::uint32_t nibbles, std::uint32_t first) const {
+  // Those of kLanes triangles from `first`.
+  HWY_INLINE Corners corners(const LeafCode& leaf, std::uint32_t first) const {
     const DU du;
     const VU shift = hn::ShiftLeft<2>(hn::Iota(du, first));
-    const VU number = hn::And(hn::Shr(hn::Set(du, nibbles), shift), hn::Set(du, 15u));
-    return {at(x_, number), at(y_, number), at(z_, number)};
+    Corners c;
+    for (int k = 0; k < 3; ++k) {
+      const VU number = hn::And(hn::Shr(hn::Set(du, leaf.corner[k]), shift), hn::Set(du, 15u));
+      c.x[k] = at(x_, number), c.y[k] = at(y_, number), c.depth[k] = at(depth_, number);
+    }
+    return c;
   }
 
  private:
   static constexpr std::size_t kMost = layout::kMaxEntries / kLanes;
 #if HWY_TARGET <= HWY_AVX2
-  HWY_INLINE void set(std::size_t i, const Vertex& v) { x_[i] = v.x, y_[i] = v.y, z_[i] = v.z; }
+  HWY_INLINE void set(std::size_t i, const Vertex& v) {
+    x_[i] = v.x, y_[i] = v.y, depth_[i] = v.depth;
+  }
   HWY_INLINE VF at(const VF* table, VU number) const {
     const DF df;
     const DU du;
@@ -245,19 +251,19 @@ class LocalVertices {
     const VF high = hn::TableLookupLanes(table[1], lane);
     return hn::IfNegativeThenElse(hn::BitCast(df, hn::ShiftLeft<28>(number)), high, low);
   }
-  VF x_[kMost], y_[kMost], z_[kMost];
+  VF x_[kMost], y_[kMost], depth_[kMost];
 #else
   HWY_INLINE void set(std::size_t i, const Vertex& v) {
     const DF df;
     hn::Store(v.x, df, x_ + i * kLanes);
     hn::Store(v.y, df, y_ + i * kLanes);
-    hn::Store(v.z, df, z_ + i * kLanes);
+    hn::Store(v.depth, df, depth_ + i * kLanes);
   }
   HWY_INLINE VF at(const float* table, VU number) const {
     return hn::GatherIndex(DF(), table, hn::BitCast(DI(), number));
   }
   alignas(32) float x_[layout::kMaxEntries] = {}, y_[layout::kMaxEntries] = {},
-                    z_[layout::kMaxEntries] = {};
+                    depth_[layout::kMaxEntries] = {};
 #endif
   bool wide_;
 };
@@ -291,44 +297,34 @@ HWY_INLINE bool testLeaf(const Cluster& c, const layout::ClusterHeader& h,
                   cluster, endsOn(ray, cluster, number)};
   bool found = false;
   for (std::uint32_t first = 0; first < code.triangles && !(kAny && found); first += kLanes)
-    found |= testTriangles<kAny>(
-        leaf, vertices.corners(code.corner[0], first), vertices.corners(code.corner[1], first),
-        vertices.corners(code.corner[2], first), code.triangles - first, first, ray, hit);
+    found |= testTriangles<kAny>(leaf, vertices.corners(code, first),
+                                 hn::FirstN(DF(), code.triangles - first), first, ray, hit);
   return found;
 }
 
-// The ray in the frame of a cluster's quantised boxes: a plane q is met at q * scale + near or far.
-// Boxes are widened by a cell for the rounding of vertices (2^-24 of a triangle's extent), by 2^-20
-// of the cluster's for that of these planes, and intervals by kTolerance of t for that of both
-// tests, which grows with the distance: 7 roundings of 2^-24 on each side.
+// A ray in the frame of quantised boxes: it meets the plane q at q * scale + near, or far.
 struct BoxFrame {
-  alignas(16) float scale[4];
-  alignas(16) float nearOffset[4];
-  alignas(16) float farOffset[4];
+  VF scale, nearOffset, farOffset;  // axes in each block of four lanes
   const std::uint8_t* nearPlanes[3];
   const std::uint8_t* farPlanes[3];
 };
 
-// `planes` has lower and upper ones of each axis in turn, `stride` bytes each. Reads a fourth of
-// `lower` and `shift`, which is of no meaning.
+// `planes` has lower and upper ones of each axis in turn, `stride` bytes each; 2^(exponents - 127)
+// cells are between two. Reads a fourth of `lower`, which is of no meaning.
 HWY_INLINE BoxFrame openBoxes(const std::uint8_t* planes, std::uint32_t stride,
-                              const std::int32_t* lower, const std::uint8_t* shift,
-                              const PreparedRay& ray) {
-  const hn::FixedTag<float, 4> d;
-  const hn::RebindToSigned<decltype(d)> di;
-  const hn::Rebind<std::uint8_t, decltype(d)> db;
-  const auto exponent = hn::Add(hn::PromoteTo(di, hn::LoadU(db, shift)), hn::Set(di, 127));
-  const auto cell = hn::BitCast(d, hn::ShiftLeft<23>(exponent));
-  const auto inverse = hn::Load(d, ray.inverse);
-  const auto cells = hn::Sub(hn::LoadU(di, lower), hn::Load(di, ray.cell));
-  const auto base = hn::Sub(hn::ConvertTo(d, cells), hn::Load(d, ray.origin));
-  const auto middle = hn::Mul(base, inverse);
-  const auto widen =
-      hn::Mul(hn::Add(hn::Set(d, 1.0f), hn::Mul(cell, hn::Set(d, 0x1p-12f))), hn::Abs(inverse));
+                              const std::int32_t* lower, std::uint32_t exponents,
+                              const BoxRay& ray) {
+  const DF df;
+  const DU du;
+  alignas(16) static constexpr std::uint32_t kPlaces[4] = {23, 15, 7, 0};
+  const VU bits = hn::And(hn::Shl(hn::Set(du, exponents), hn::LoadDup128(du, kPlaces)),
+                          hn::Set(du, 0x7f800000u));
+  const VF cell = hn::BitCast(df, bits);
+  const VF base = hn::ConvertTo(df, hn::LoadDup128(DI(), lower));
   BoxFrame f;
-  hn::Store(hn::Mul(cell, inverse), d, f.scale);
-  hn::Store(hn::Sub(middle, widen), d, f.nearOffset);
-  hn::Store(hn::Add(middle, widen), d, f.farOffset);
+  f.scale = hn::Mul(cell, ray.inverse);
+  f.nearOffset = hn::MulSub(base, ray.inverse, ray.nearOffset);
+  f.farOffset = hn::MulSub(base, ray.inverse, ray.farOffset);
   for (int k = 0; k < 3; ++k) {
     f.nearPlanes[k] = planes + ray.nearPlane[k] * stride;
     f.farPlanes[k] = planes + (ray.nearPlane[k] ^ 1u) * stride;
@@ -336,29 +332,29 @@ HWY_INLINE BoxFrame openBoxes(const std::uint8_t* planes, std::uint32_t stride,
   return f;
 }
 
-HWY_INLINE VF planes(const std::uint8_t* at, float scale, float offset) {
-  const DF df;
-  const DI di;
+template <int kAxis>
+HWY_INLINE VF planes(const std::uint8_t* at, VF scale, VF offset) {
   const DB db;
-  const VF q = hn::ConvertTo(df, hn::PromoteTo(di, hn::LoadU(db, at)));
-  return hn::MulAdd(q, hn::Set(df, scale), hn::Set(df, offset));
+  const VF q = hn::ConvertTo(DF(), hn::PromoteTo(DI(), hn::LoadU(db, at)));
+  return hn::MulAdd(q, hn::Broadcast<kAxis>(scale), hn::Broadcast<kAxis>(offset));
 }
 
-// Which of kLanes boxes at byte `at` of the planes are met; their entry distances go to `entry`.
-HWY_INLINE std::uint32_t testBoxes(const BoxFrame& f, std::size_t at, const PreparedRay& ray,
+// Which of kLanes boxes at byte `at` of the planes are met before `end`; where goes to `entry`.
+HWY_INLINE std::uint32_t testBoxes(const BoxFrame& f, std::size_t at, VF start, VF end,
                                    float* entry) {
-  const DF df;
-  VF tnear = hn::Set(df, ray.tnear), tfar = hn::Set(df, ray.tfar);
-  for (int k = 0; k < 3; ++k) {
-    tnear = hn::Max(tnear, planes(f.nearPlanes[k] + at, f.scale[k], f.nearOffset[k]));
-    tfar = hn::Min(tfar, planes(f.farPlanes[k] + at, f.scale[k], f.farOffset[k]));
-  }
-  return boxesMet(tnear, tfar, entry);
+  const VF x = planes<0>(f.nearPlanes[0] + at, f.scale, f.nearOffset),
+           y = planes<1>(f.nearPlanes[1] + at, f.scale, f.nearOffset),
+           z = planes<2>(f.nearPlanes[2] + at, f.scale, f.nearOffset);
+  const VF farX = planes<0>(f.farPlanes[0] + at, f.scale, f.farOffset),
+           farY = planes<1>(f.farPlanes[1] + at, f.scale, f.farOffset),
+           farZ = planes<2>(f.farPlanes[2] + at, f.scale, f.farOffset);
+  return boxesMet(hn::Max(hn::Max(x, y), hn::Max(z, start)),
+                  hn::Min(hn::Min(farX, farY), hn::Min(farZ, end)), entry);
 }
 
 template <bool kAny>
-HWY_INLINE bool testLeaves(const std::byte* bytes, PreparedRay& ray, std::uint32_t cluster,
-                           Hit& hit) {
+HWY_INLINE bool testLeaves(const std::byte* bytes, const BoxRay& boxes, PreparedRay& ray,
+                           std::uint32_t cluster, Hit& hit) {
   const std::uint8_t* blob = reinterpret_cast<const std::uint8_t*>(bytes);
   const layout::ClusterHeader& h = *reinterpret_cast<const layout::ClusterHeader*>(blob);
   const std::uint32_t leaves = h.leafCount;
@@ -367,11 +363,15 @@ HWY_INLINE bool testLeaves(const std::byte* bytes, PreparedRay& ray, std::uint32
     const Cluster c = openCluster(blob, h, ray);
     return testLeaf<kAny>(c, h, blob + layout::recordOffset(bytes, h, 0), 0, cluster, ray, hit);
   }
-  const BoxFrame frame = openBoxes(groupStarts, leaves, h.lower, h.boxShift, ray);
+  std::uint32_t shifts;
+  std::memcpy(&shifts, h.boxShift, sizeof(shifts));
+  const BoxFrame frame =
+      openBoxes(groupStarts, leaves, h.lower, (shifts & 0xffffffu) + 0x7f7f7fu, boxes);
+  const VF end = hn::Set(DF(), farEnd(ray.tfar));
   alignas(32) float entry[layout::kMaxLeaves + 8];
   std::uint64_t met = 0;
   for (std::uint32_t first = 0; first < leaves; first += kLanes)
-    met |= std::uint64_t(testBoxes(frame, first, ray, entry + first)) << first;
+    met |= std::uint64_t(testBoxes(frame, first, boxes.tnear, end, entry + first)) << first;
   met &= ~0ull >> (64 - leaves);
   if (met == 0) return false;
 
@@ -393,7 +393,7 @@ HWY_INLINE bool testLeaves(const std::byte* bytes, PreparedRay& ray, std::uint32
         const auto other = static_cast<std::uint32_t>(std::countr_zero(rest));
         if (entry[other] < entry[leaf]) leaf = other;
       }
-    if (!kAny && entry[leaf] > ray.tfar) break;
+    if (!kAny && entry[leaf] > farEnd(ray.tfar)) break;
     met &= ~(1ull << leaf);
     const std::uint8_t* record = blob + layout::recordOffset(bytes, h, leaf);
     found |= testLeaf<kAny>(c, h, record, leaf, cluster, ray, hit);
@@ -403,76 +403,99 @@ HWY_INLINE bool testLeaves(const std::byte* bytes, PreparedRay& ray, std::uint32
 }
 
 template <bool kAny>
-HWY_INLINE bool testCluster(const std::byte* bytes, PreparedRay& ray, std::uint32_t cluster,
-                            Hit& hit) {
+HWY_INLINE bool testCluster(const std::byte* bytes, const BoxRay& boxes, PreparedRay& ray,
+                            std::uint32_t cluster, Hit& hit) {
   const auto& h = *reinterpret_cast<const layout::ClusterHeader*>(bytes);
-  return testAsSeen<kAny>(h, ray, [&] { return testLeaves<kAny>(bytes, ray, cluster, hit); });
+  return testAsSeen<kAny>(h, ray,
+                          [&] { return testLeaves<kAny>(bytes, boxes, ray, cluster, hit); });
 }
 
-// Nearest first through the top level, down to triangles. Children wait on a stack with the
-// distance of their boxes.
-template <bool kAny>
-HWY_INLINE bool testMesh(const MeshView& mesh, PreparedRay& ray, Hit& hit) {
-  struct Waiting {
-    std::uint32_t child;
-    float entry;
-  };
-  Waiting stack[7 * TopLevel::kMaxDepth + 8];
-  std::size_t waiting = 0;
-  bool found = false;
-  std::uint32_t child = 0;
-  for (;;) {
-    if (child & TopNode::kCluster) {
-      const std::uint32_t cluster = child & ~TopNode::kCluster;
-      found |= testCluster<kAny>(mesh.blob(cluster), ray, cluster, hit);
-      if (kAny && found) return true;
-    } else {
-      const TopNode& node = mesh.nodes[child];
-      const BoxFrame frame = openBoxes(node.planes[0], 8, node.lower, node.shift, ray);
-      alignas(32) float entry[8];
-      std::uint32_t met = 0;
-      for (std::uint32_t first = 0; first < 8; first += kLanes)
-        met |= testBoxes(frame, first, ray, entry + first) << first;
-      met &= (1u << node.children) - 1u;
-      const std::size_t base = waiting;
-      for (; met != 0; met &= met - 1) {
-        const auto i = static_cast<std::uint32_t>(std::countr_zero(met));
-        const std::uint32_t next = node.child[i];
-        mesh.prefetch(next);
-        std::size_t at = waiting++;
-        for (; !kAny && at > base && stack[at - 1].entry < entry[i]; --at)
-          stack[at] = stack[at - 1];
-        stack[at] = {next, entry[i]};
+struct MeshTracer {
+  using Boxes = BoxRay;
+  const MeshView& mesh;
+
+  HWY_INLINE BoxRay boxes(const PreparedRay& ray) const { return boxRay(ray); }
+  HWY_INLINE std::uint32_t testNode(std::uint32_t number, const BoxRay& ray, float end,
+                                    float* entry) const {
+    const TopNode& node = mesh.nodes[number];
+    std::uint32_t exponents;
+    std::memcpy(&exponents, node.exponent, sizeof(exponents));
+    const BoxFrame frame = openBoxes(node.planes[0], 8, node.lower, exponents, ray);
+    std::uint32_t met = 0;
+    for (std::uint32_t first = 0; first < 8; first += kLanes)
+      met |= testBoxes(frame, first, ray.tnear, hn::Set(DF(), end), entry + first) << first;
+    return met & ((1u << node.children) - 1u);
+  }
+  HWY_INLINE const std::uint32_t* children(std::uint32_t node) const {
+    return mesh.nodes[node].child;
+  }
+  HWY_INLINE bool isNode(std::uint32_t child) const { return !(child & TopNode::kCluster); }
+  template <bool kAny>
+  HWY_INLINE bool testLeaf(std::uint32_t child, const BoxRay& boxes, PreparedRay& ray,
+                           Hit& hit) const {
+    const std::uint32_t cluster = child & ~TopNode::kCluster;
+    return testCluster<kAny>(mesh.blob(cluster), boxes, ray, cluster, hit);
+  }
+  // As testLeaf() for some of kLanes rays.
+  template <bool kAny>
+  HWY_INLINE std::uint32_t testLeaf(std::uint32_t child, std::uint32_t mask, PreparedRay* rays,
+                                    Hit* hits) const {
+    std::uint32_t met = 0;
+    for (; mask != 0; mask &= mask - 1) {
+      const int i = std::countr_zero(mask);
+      if (testLeaf<kAny>(child, boxRay(rays[i]), rays[i], hits[i])) met |= 1u << i;
+    }
+    return met;
+  }
+  HWY_INLINE const float* planes(std::uint32_t number, float* buffer) const {
+    const TopNode& node = mesh.nodes[number];
+    for (std::size_t plane = 0; plane < 6; ++plane) {
+      const float cell = std::bit_cast<float>(std::uint32_t(node.exponent[plane / 2]) << 23);
+      for (std::size_t first = 0; first < 8; first += kLanes) {
+        const VF q =
+            hn::ConvertTo(DF(), hn::PromoteTo(DI(), hn::LoadU(DB(), node.planes[plane] + first)));
+        const VF lower = hn::ConvertTo(DF(), hn::Set(DI(), node.lower[plane / 2]));
+        hn::Store(hn::MulAdd(q, hn::Set(DF(), cell), lower), DF(), buffer + 8 * plane + first);
       }
     }
-    do {
-      if (waiting == 0) return found;
-      --waiting;
-    } while (!kAny && stack[waiting].entry > ray.tfar);
-    child = stack[waiting].child;
+    return buffer;
   }
-}
+  HWY_INLINE void prefetch(std::uint32_t child) const { mesh.prefetch(child); }
+  HWY_INLINE void prefetch(const std::uint32_t* children, std::uint32_t met) const {
+    for (; met != 0; met &= met - 1) mesh.prefetch(children[std::countr_zero(met)]);
+  }
+};
 
 bool intersectCluster(const std::byte* blob, PreparedRay& ray, std::uint32_t cluster, Hit& hit) {
-  return testCluster<false>(blob, ray, cluster, hit);
+  return testCluster<false>(blob, boxRay(ray), ray, cluster, hit);
 }
 bool occludedCluster(const std::byte* blob, const PreparedRay& ray, std::uint32_t cluster) {
   Hit hit;
-  return testCluster<true>(blob, const_cast<PreparedRay&>(ray), cluster, hit);  // it stays as it is
+  return testCluster<true>(blob, boxRay(ray), const_cast<PreparedRay&>(ray), cluster,
+                           hit);  // it stays as it is
 }
 bool intersectMesh(const MeshView& mesh, PreparedRay& ray, Hit& hit) {
-  return testMesh<false>(mesh, ray, hit);
+  return testFrom<false>(MeshTracer{mesh}, 0, ray, hit);
 }
 bool occludedMesh(const MeshView& mesh, const PreparedRay& ray) {
-  Hit hit;
-  return testMesh<true>(mesh, const_cast<PreparedRay&>(ray), hit);
+  Hit none;
+  return testFrom<true>(MeshTracer{mesh}, 0, const_cast<PreparedRay&>(ray), none);  // it stays
+}
+void intersectMeshSpan(const MeshView& mesh, std::span<PreparedRay> rays, Hit* hits) {
+  intersectSpan(MeshTracer{mesh}, rays, hits);
+}
+void occludedMeshSpan(const MeshView& mesh, std::span<const PreparedRay> rays,
+                      std::uint8_t* blocked) {
+  occludedSpan(MeshTracer{mesh}, rays, blocked);
 }
 void corners(const std::byte* record, std::uint32_t place, std::uint32_t* vertex) {
   cornersOf(decodeLeaf(reinterpret_cast<const std::uint8_t*>(record)), place, vertex);
 }
-Kernels kernels() {
-  return {intersectCluster, occludedCluster, intersectMesh,
-          occludedMesh,     corners,         hwy::TargetName(HWY_TARGET)};
+const Kernels* kernels() {
+  static const Kernels all = {
+      intersectCluster,  occludedCluster,  intersectMesh, occludedMesh,
+      intersectMeshSpan, occludedMeshSpan, corners,       hwy::TargetName(HWY_TARGET)};
+  return &all;
 }
 
 }  // namespace HWY_NAMESPACE
@@ -482,7 +505,7 @@ HWY_AFTER_NAMESPACE();
 #if HWY_ONCE
 namespace hccm {
 HWY_EXPORT(kernels);
-Kernels chooseKernels() {
+const Kernels* chooseKernels() {
   hwy::GetChosenTarget().Update(hwy::SupportedTargets());
   return HWY_DYNAMIC_DISPATCH(kernels)();
 }

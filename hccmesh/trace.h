@@ -2,6 +2,8 @@
 // processor.
 #pragma once
 
+#include <span>
+
 #include "hccmesh/expanded.h"
 #include "hccmesh/hccmesh.h"
 #include "hccmesh/layout.h"
@@ -36,6 +38,9 @@ struct Kernels {
   bool (*occluded)(const std::byte* blob, const PreparedRay& ray, std::uint32_t cluster);
   bool (*intersectMesh)(const MeshView& mesh, PreparedRay& ray, Hit& hit);
   bool (*occludedMesh)(const MeshView& mesh, const PreparedRay& ray);
+  void (*intersectSpan)(const MeshView& mesh, std::span<PreparedRay> rays, Hit* hits);
+  void (*occludedSpan)(const MeshView& mesh, std::span<const PreparedRay> rays,
+                       std::uint8_t* blocked);
   /// The corners of a leaf's triangle: numbers of the cluster's vertices.
   void (*corners)(const std::byte* record, std::uint32_t place, std::uint32_t* vertex);
   const char* name;  ///< of the instruction set
@@ -44,10 +49,14 @@ struct Kernels {
 struct ExpandedKernels {
   bool (*intersect)(const MeshView& mesh, const Expanded& expanded, PreparedRay& ray, Hit& hit);
   bool (*occluded)(const MeshView& mesh, const Expanded& expanded, const PreparedRay& ray);
+  void (*intersectSpan)(const MeshView& mesh, const Expanded& expanded, std::span<PreparedRay> rays,
+                        Hit* hits);
+  void (*occludedSpan)(const MeshView& mesh, const Expanded& expanded,
+                       std::span<const PreparedRay> rays, std::uint8_t* blocked);
 };
 
 /// Both obey hwy::SetSupportedTargetsForTest. Thread safe.
-Kernels chooseKernels();
-ExpandedKernels chooseExpandedKernels();
+const Kernels* chooseKernels();
+const ExpandedKernels* chooseExpandedKernels();
 
 }  // namespace hccm

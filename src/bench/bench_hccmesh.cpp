@@ -5,6 +5,7 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <functional>
@@ -30,21 +31,31 @@ double secondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-struct BenchRay {
-  RayStart start;
-  vec3 direction;
-  float tfar;
-  vec3 origin;  ///< for Embree's triangles, which know none that a ray leaves: off it by a hair
+struct Rays {
+  std::vector<RayQuery> queries;
+  /// For Embree's triangles, which know none that a ray leaves: off it by a hair.
+  std::vector<vec3> origins;
+
+  std::size_t size() const { return queries.size(); }
+  void add(const RayQuery& query, const vec3& origin) {
+    queries.push_back(query);
+    origins.push_back(origin);
+  }
 };
-using Rays = std::vector<BenchRay>;
 
-/// Whether a ray hits.
-using Trace = std::function<void(std::span<const BenchRay>, std::uint8_t*)>;
+/// Whether rays [first, end) hit.
+using Trace = std::function<void(const Rays&, std::size_t first, std::size_t end, std::uint8_t*)>;
 
-template <typename Hits>
-Trace traceWith(const Hits& hits) {
-  return [hits](std::span<const BenchRay> rays, std::uint8_t* out) {
-    for (const BenchRay& ray : rays) *out++ = hits(ray);
+/// `answer` is asked for up to 16 rays together.
+template <typename Answer>
+Trace traceWith(const Answer& answer) {
+  static constexpr std::size_t kSpan = 16;
+  return [answer](const Rays& rays, std::size_t first, std::size_t end, std::uint8_t* out) {
+    for (std::size_t i = first; i < end; i += kSpan) {
+      const std::size_t count = std::min(kSpan, end - i);
+      answer(std::span(rays.queries).subspan(i, count), &rays.origins[i],
+             std::span(out + (i - first), count));
+    }
   };
 }
 
@@ -60,7 +71,7 @@ void run(const Rays& rays, Contender& c) {
   c.hits.resize(rays.size());
   const auto start = Clock::now();
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, rays.size(), 4096), [&](const auto& range) {
-    c.trace(std::span(rays).subspan(range.begin(), range.size()), c.hits.data() + range.begin());
+    c.trace(rays, range.begin(), range.end(), c.hits.data() + range.begin());
   });
   c.rates.push_back(static_cast<double>(rays.size()) / secondsSince(start));
 }
@@ -68,7 +79,7 @@ void run(const Rays& rays, Contender& c) {
 /// Rays a second of all, taking turns; in how many rays the others differ from the first.
 void compare(const Rays& rays, int runs, std::vector<Contender> contenders, const char* kind,
              Json& out) {
-  if (rays.empty()) return;
+  if (rays.size() == 0) return;
   for (Contender& c : contenders) run(rays, c), c.rates.clear();  // warm up
   for (int i = 0; i < runs; ++i)
     for (Contender& c : contenders) run(rays, c);
@@ -97,7 +108,7 @@ Rays coherentRays(const Camera& camera, const dvec3& renderOrigin, std::uint64_t
       const vec3 d = camera.forward + scale * (2.0f * (x + 0.5f) / size - 1.0f) * right -
                      scale * (2.0f * (y + 0.5f) / size - 1.0f) * camera.up;
       const dvec3 eye = camera.eye - renderOrigin;
-      rays.push_back({eye, glm::normalize(d), kInfinity, vec3(eye)});
+      rays.add({eye, glm::normalize(d)}, vec3(eye));
     }
   return rays;
 }
@@ -105,20 +116,21 @@ Rays coherentRays(const Camera& camera, const dvec3& renderOrigin, std::uint64_t
 /// From what coherent rays hit: one ray by the cosine, and one to a light beside the camera.
 void secondaryRays(const RayScene& scene, const Rays& coherent, Rays& diffuse, Rays& shadow) {
   const Box3f box = scene.bounds();
-  const vec3 light = coherent[0].origin + 0.25f * glm::length(box.size()) * vec3(0.5f, 0.7f, 0.5f);
+  const vec3 light = coherent.origins[0] + 0.25f * glm::length(box.size()) * vec3(0.5f, 0.7f, 0.5f);
   for (std::uint32_t i = 0; i < coherent.size(); ++i) {
     RayHit hit;
-    if (!scene.intersect(coherent[i].start, coherent[i].direction, 0.0f, kInfinity, hit)) continue;
+    const RayQuery& ray = coherent.queries[i];
+    if (!scene.intersect(ray.start, ray.direction, 0.0f, kInfinity, hit)) continue;
     const Surface s = scene.surface(hit);
-    const vec3 n = glm::dot(s.geometricNormal, coherent[i].direction) < 0.0f ? s.geometricNormal
-                                                                             : -s.geometricNormal;
+    const vec3 n =
+        glm::dot(s.geometricNormal, ray.direction) < 0.0f ? s.geometricNormal : -s.geometricNormal;
     const float phi = 2.0f * kPi * toUnitFloat(hash32(2 * i)), u = toUnitFloat(hash32(2 * i + 1));
     const vec3 local(std::cos(phi) * std::sqrt(u), std::sin(phi) * std::sqrt(u),
                      std::sqrt(1.0f - u));
     const vec3 origin = vec3(s.position) + n * (1e-6f * glm::length(box.size()));
-    diffuse.push_back({s.leave(), Basis(n).toWorld(local), kInfinity, origin});
+    diffuse.add({s.leave(), Basis(n).toWorld(local)}, origin);
     const vec3 toLight = light - origin;
-    shadow.push_back({s.leave(), glm::normalize(toLight), glm::length(toLight), origin});
+    shadow.add({s.leave(), glm::normalize(toLight), 0.0f, glm::length(toLight)}, origin);
   }
 }
 
@@ -187,26 +199,28 @@ Json benchHccmesh(const HccmeshBenchArguments& a) {
   }
 
   const auto contenders = [&](bool shadow) {
+    using Queries = std::span<const RayQuery>;
+    using Answers = std::span<std::uint8_t>;
     std::vector<Contender> list(1);
     list[0].name = "hccmesh";
-    list[0].trace = shadow ? traceWith([&](const BenchRay& r) {
-      return ours.occluded(r.start, r.direction, 0.0f, r.tfar);
+    list[0].trace = shadow ? traceWith([&](Queries rays, const vec3*, Answers answers) {
+      ours.occluded(rays, answers);
     })
-                           : traceWith([&](const BenchRay& r) {
-                               RayHit hit;
-                               return ours.intersect(r.start, r.direction, 0.0f, r.tfar, hit);
+                           : traceWith([&](Queries rays, const vec3*, Answers answers) {
+                               std::array<RayHit, 16> hits;
+                               ours.intersect(rays, std::span(hits).first(rays.size()), answers);
                              });
     for (const EmbreeTriangles* e : {embree.get(), compact.get()}) {
       if (!e) continue;
-      list.push_back({e == embree.get() ? "embree" : "embree_compact",
-                      shadow ? traceWith([e](const BenchRay& r) {
-                        return e->occluded(r.origin, r.direction, r.tfar);
-                      })
-                             : traceWith([e](const BenchRay& r) {
-                                 return e->intersect(r.origin, r.direction, r.tfar) < kInfinity;
-                               }),
-                      {},
-                      {}});
+      const auto answer = [e, shadow](Queries rays, const vec3* origins, Answers answers) {
+        for (std::size_t i = 0; i < rays.size(); ++i) {
+          const vec3& d = rays[i].direction;
+          const float far = rays[i].end.distance;
+          answers[i] = shadow ? e->occluded(origins[i], d, far)
+                              : e->intersect(origins[i], d, far) < kInfinity;
+        }
+      };
+      list.push_back({e == embree.get() ? "embree" : "embree_compact", traceWith(answer), {}, {}});
     }
     return list;
   };

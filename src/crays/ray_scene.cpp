@@ -3,6 +3,7 @@
 #include <embree3/rtcore.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cmath>
 #include <exception>
@@ -302,6 +303,10 @@ struct RayScene::Impl {
   /// Nothing but the merged mesh, in memory.
   bool worldAlone() const { return placements.empty() && !parts.paged; }
   hccm::PreparedRay worldRay(const Query& query, float tnear, float tfar) const;
+  /// Rays that the world's own hierarchy answers together.
+  static constexpr std::size_t kTogether = 16;
+  template <typename Trace, typename None>
+  void together(std::span<const RayQuery> rays, const Trace& trace, const None& none) const;
 
  private:
   void place(const Scene& scene);
@@ -497,6 +502,72 @@ bool RayScene::occluded(const RayStart& start, const vec3& direction, float tnea
   rtcOccluded1(impl_->top.scene, &context.embree, &ray);
   if (context.failed) readingPages([&] { std::rethrow_exception(context.failed); });
   return ray.tfar < 0.0f;
+}
+
+// Calls trace(numbers, prepared rays, shifts) for up to kTogether rays at a time that may meet
+// something, and none(number) for the others.
+template <typename Trace, typename None>
+void RayScene::Impl::together(std::span<const RayQuery> rays, const Trace& trace,
+                              const None& none) const {
+  hccm::PreparedRay prepared[kTogether];
+  std::size_t number[kTogether];
+  double shift[kTogether];
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < rays.size(); ++i) {
+    const RayQuery& ray = rays[i];
+    RayStart near = ray.start;
+    float tnear = ray.tnear, tfar = ray.end.distance;
+    if (visibility.clip(near.position, ray.direction, tnear, tfar) &&
+        approach.bring(near.position, ray.direction, tnear, tfar, shift[count])) {
+      prepared[count] = worldRay({near, ray.direction, ray.end}, tnear, tfar);
+      number[count++] = i;
+    } else {
+      none(i);
+    }
+    if (count < kTogether && i + 1 < rays.size()) continue;
+    trace(std::span(prepared, count), number, shift);
+    count = 0;
+  }
+}
+
+void RayScene::intersect(std::span<const RayQuery> rays, std::span<RayHit> hits,
+                         std::span<std::uint8_t> answers) const {
+  if (!impl_->worldAlone()) {
+    for (std::size_t i = 0; i < rays.size(); ++i)
+      answers[i] = intersect(rays[i].start, rays[i].direction, rays[i].tnear, rays[i].end, hits[i]);
+    return;
+  }
+  impl_->together(
+      rays,
+      [&](std::span<hccm::PreparedRay> prepared, const std::size_t* number, const double* shift) {
+        std::array<hccm::Hit, Impl::kTogether> found;
+        impl_->parts.world.intersect(prepared, std::span(found).first(prepared.size()));
+        for (std::size_t k = 0; k < prepared.size(); ++k) {
+          const hccm::Hit& h = found[k];
+          const std::size_t i = number[k];
+          answers[i] = h.cluster != hccm::Hit::kNothing;
+          if (!answers[i]) continue;
+          hits[i] = {h.u, h.v, h.t, kWorldMesh, h.cluster, h.triangle};
+          if (shift[k] != 0.0) hits[i].t = static_cast<float>(h.t + shift[k]);
+        }
+      },
+      [&](std::size_t i) { answers[i] = 0; });
+}
+
+void RayScene::occluded(std::span<const RayQuery> rays, std::span<std::uint8_t> answers) const {
+  if (!impl_->worldAlone()) {
+    for (std::size_t i = 0; i < rays.size(); ++i)
+      answers[i] = occluded(rays[i].start, rays[i].direction, rays[i].tnear, rays[i].end);
+    return;
+  }
+  impl_->together(
+      rays,
+      [&](std::span<hccm::PreparedRay> prepared, const std::size_t* number, const double*) {
+        std::array<std::uint8_t, Impl::kTogether> blocked;
+        impl_->parts.world.occluded(prepared, std::span(blocked).first(prepared.size()));
+        for (std::size_t k = 0; k < prepared.size(); ++k) answers[number[k]] = blocked[k];
+      },
+      [&](std::size_t i) { answers[i] = 0; });
 }
 
 Surface RayScene::surface(const RayHit& hit) const {

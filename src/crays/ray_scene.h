@@ -19,6 +19,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "hccmesh/hccmesh.h"
@@ -70,6 +71,14 @@ struct RayEnd {
   RayEnd(float metres) : distance(metres) {}
   RayEnd(float metres, const dvec3& place, const TriangleId& triangle = {})
       : distance(metres), point(place), on(triangle) {}
+};
+
+/// A ray as one of many.
+struct RayQuery {
+  RayStart start;
+  vec3 direction{0.0f};
+  float tnear = 0.0f;
+  RayEnd end{kInfinity};
 };
 
 /// A surface point decoded from a hit, in render space.
@@ -157,6 +166,12 @@ class RayScene {
   /// null: everything. Thread safe.
   bool occluded(const RayStart& start, const vec3& direction, float tnear, const RayEnd& end,
                 hccm::Passages* passages = nullptr) const;
+  /// As the two above for each ray of a span, with the same bits. Neighbours in the span that go
+  /// the same way are traced together. `hits`, `answers` (1 or 0: hit, or blocked): one a ray; a
+  /// hit is written where there is one. Thread safe.
+  void intersect(std::span<const RayQuery> rays, std::span<RayHit> hits,
+                 std::span<std::uint8_t> answers) const;
+  void occluded(std::span<const RayQuery> rays, std::span<std::uint8_t> answers) const;
   /// Decodes a hit. Thread safe.
   Surface surface(const RayHit& hit) const;
   /// Where a ray along `direction` starts that was scattered at a surface and leaves it on its

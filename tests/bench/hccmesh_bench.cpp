@@ -10,11 +10,13 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <iostream>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <thread>
 #include <vector>
 
@@ -30,10 +32,7 @@ double secondsSince(Clock::time_point start) {
   return std::chrono::duration<double>(Clock::now() - start).count();
 }
 
-struct BenchRay {
-  vec3 origin, direction;
-  float tnear, tfar;
-};
+constexpr std::size_t kSpan = 16;  // our rays that are asked for together
 
 // The same mesh as Embree's own triangles, robust, default quality.
 class EmbreeScene {
@@ -71,7 +70,7 @@ class EmbreeScene {
   EmbreeScene(const EmbreeScene&) = delete;
   EmbreeScene& operator=(const EmbreeScene&) = delete;
 
-  bool intersect(const BenchRay& r, float& t) const {
+  bool intersect(const RayQuery& r, float& t) const {
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     RTCRayHit hit;
@@ -81,7 +80,7 @@ class EmbreeScene {
     t = hit.ray.tfar;
     return hit.hit.geomID != RTC_INVALID_GEOMETRY_ID;
   }
-  bool occluded(const BenchRay& r) const {
+  bool occluded(const RayQuery& r) const {
     RTCIntersectContext context;
     rtcInitIntersectContext(&context);
     RTCRay ray;
@@ -93,10 +92,11 @@ class EmbreeScene {
   double buildSeconds = 0.0;
 
  private:
-  static void set(RTCRay& ray, const BenchRay& r) {
-    ray.org_x = r.origin.x, ray.org_y = r.origin.y, ray.org_z = r.origin.z;
+  static void set(RTCRay& ray, const RayQuery& r) {
+    const vec3 origin(r.start.position);
+    ray.org_x = origin.x, ray.org_y = origin.y, ray.org_z = origin.z;
     ray.dir_x = r.direction.x, ray.dir_y = r.direction.y, ray.dir_z = r.direction.z;
-    ray.tnear = r.tnear, ray.tfar = r.tfar, ray.time = 0.0f;
+    ray.tnear = r.tnear, ray.tfar = r.end.distance, ray.time = 0.0f;
     ray.mask = 0xffffffffu, ray.id = ray.flags = 0;
   }
   std::atomic<std::int64_t> bytes_{0};
@@ -116,7 +116,7 @@ struct Comparison {
 };
 
 template <typename A, typename B>
-Comparison compare(const std::vector<BenchRay>& rays, int runs, const A& ours, const B& theirs) {
+Comparison compare(const std::vector<RayQuery>& rays, int runs, const A& ours, const B& theirs) {
   Comparison c;
   std::vector<std::uint8_t> a(rays.size()), b(rays.size());
   std::vector<double> times[2];
@@ -124,8 +124,10 @@ Comparison compare(const std::vector<BenchRay>& rays, int runs, const A& ours, c
     const auto start = Clock::now();
     tbb::parallel_for(tbb::blocked_range<std::size_t>(0, rays.size(), 4096),
                       [&](const auto& range) {
-                        for (std::size_t i = range.begin(); i < range.end(); ++i)
-                          out[i] = trace(rays[i]);
+                        for (std::size_t i = range.begin(); i < range.end(); i += kSpan) {
+                          const std::size_t count = std::min(kSpan, range.end() - i);
+                          trace(std::span(&rays[i], count), std::span(&out[i], count));
+                        }
                       });
     return static_cast<double>(rays.size()) / secondsSince(start);
   };
@@ -144,15 +146,15 @@ Comparison compare(const std::vector<BenchRay>& rays, int runs, const A& ours, c
 }
 
 // From inside the closed surface, by rows of tiles of 32 x 32 pixels.
-std::vector<BenchRay> coherentRays(std::size_t count) {
+std::vector<RayQuery> coherentRays(std::size_t count) {
   const int size = std::max(32, static_cast<int>(std::sqrt(static_cast<double>(count))) / 32 * 32);
-  std::vector<BenchRay> rays;
+  std::vector<RayQuery> rays;
   for (int tile = 0; tile < size / 32 * (size / 32); ++tile)
     for (int pixel = 0; pixel < 1024; ++pixel) {
       const int x = tile % (size / 32) * 32 + pixel % 32, y = tile / (size / 32) * 32 + pixel / 32;
       const vec3 d(2.0f * (float(x) + 0.5f) / float(size) - 1.0f,
                    2.0f * (float(y) + 0.5f) / float(size) - 1.0f, -1.0f);
-      rays.push_back({vec3(0.1f, 0.05f, 0.4f), glm::normalize(d), 0.0f, kInfinity});
+      rays.push_back({vec3(0.1f, 0.05f, 0.4f), glm::normalize(d)});
     }
   return rays;
 }
@@ -191,21 +193,23 @@ int main(int argc, char** argv) {
   const hccm::Mesh mesh = hccm::Mesh::build({&part, 1});
   const double buildSeconds = secondsSince(buildStart);
 
-  const auto nearestOurs = [&](const BenchRay& r) {
-    RayHit hit;
-    return ours.intersect(r.origin, r.direction, r.tnear, r.tfar, hit);
+  using Rays = std::span<const RayQuery>;
+  using Answers = std::span<std::uint8_t>;
+  const auto nearestOurs = [&](Rays rays, Answers out) {
+    std::array<RayHit, kSpan> hits;
+    ours.intersect(rays, std::span(hits).first(rays.size()), out);
   };
-  const auto nearestTheirs = [&](const BenchRay& r) {
+  const auto nearestTheirs = [&](Rays rays, Answers out) {
     float t;
-    return theirs.intersect(r, t);
+    for (std::size_t i = 0; i < rays.size(); ++i) out[i] = theirs.intersect(rays[i], t);
   };
-  const std::vector<BenchRay> coherent = coherentRays(rayCount);
-  std::vector<BenchRay> diffuse, shadow;
+  const std::vector<RayQuery> coherent = coherentRays(rayCount);
+  std::vector<RayQuery> diffuse, shadow;
   const vec3 light(-0.3f, 0.5f, 0.2f);
   double worst = 0.0;
   for (std::size_t i = 0; i < coherent.size(); ++i) {
     RayHit hit;
-    if (!ours.intersect(coherent[i].origin, coherent[i].direction, 0.0f, kInfinity, hit)) continue;
+    if (!ours.intersect(coherent[i].start, coherent[i].direction, 0.0f, kInfinity, hit)) continue;
     float t = 0.0f;
     theirs.intersect(coherent[i], t);
     worst = std::max(worst, std::abs(double(t) - double(hit.t)));
@@ -215,7 +219,7 @@ int main(int argc, char** argv) {
     const vec3 local(std::cos(phi) * std::sqrt(u), std::sin(phi) * std::sqrt(u),
                      std::sqrt(1.0f - u));
     const vec3 origin = vec3(s.position) + n * 1e-4f;
-    diffuse.push_back({origin, Basis(n).toWorld(local), 0.0f, kInfinity});
+    diffuse.push_back({origin, Basis(n).toWorld(local)});
     const vec3 toLight = light - origin;
     shadow.push_back({origin, glm::normalize(toLight), 0.0f, glm::length(toLight)});
   }
@@ -224,9 +228,10 @@ int main(int argc, char** argv) {
       compare(coherent, runs, nearestOurs, nearestTheirs),
       compare(diffuse, runs, nearestOurs, nearestTheirs),
       compare(
-          shadow, runs,
-          [&](const BenchRay& r) { return ours.occluded(r.origin, r.direction, r.tnear, r.tfar); },
-          [&](const BenchRay& r) { return theirs.occluded(r); })};
+          shadow, runs, [&](Rays rays, Answers out) { ours.occluded(rays, out); },
+          [&](Rays rays, Answers out) {
+            for (std::size_t i = 0; i < rays.size(); ++i) out[i] = theirs.occluded(rays[i]);
+          })};
 
   const hccm::Sizes z = mesh.sizes();
   const auto share = [&](std::uint64_t bytes) { return static_cast<double>(bytes) / count; };

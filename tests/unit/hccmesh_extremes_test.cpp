@@ -176,7 +176,7 @@ TEST(HccMeshExtremes, BlobsLieAnywhereInSixtyFourGibibytes) {
   const TopLevel top({&box, 1});
   PreparedRay ray = mesh.prepare({{0.01f, 0.02f, 1.0f}, 0.0f, {0, 0, -1}, kInf});
   Hit far, near;
-  EXPECT_TRUE(chooseKernels().intersectMesh({top.nodes().data(), bytes, &word}, ray, far));
+  EXPECT_TRUE(chooseKernels()->intersectMesh({top.nodes().data(), bytes, &word}, ray, far));
   ray = mesh.prepare({{0.01f, 0.02f, 1.0f}, 0.0f, {0, 0, -1}, kInf});
   EXPECT_TRUE(mesh.intersect(ray, near));
   EXPECT_EQ(far.t, near.t);

@@ -131,6 +131,55 @@ std::vector<Ray> randomRays(int count, unsigned seed, bool axisParallel) {
   return rays;
 }
 
+// From one point through a raster, as a camera's or to a light.
+std::vector<Ray> rasterRays(const glm::dvec3& from, int size) {
+  std::vector<Ray> rays;
+  for (int y = 0; y < size; ++y)
+    for (int x = 0; x < size; ++x) {
+      const glm::vec3 to(2.0f * float(x) / float(size) - 1.0f, 2.0f * float(y) / float(size) - 1.0f,
+                         0.1f);
+      rays.push_back({from, 0.0f, glm::normalize(to - glm::vec3(from)), (x + y) % 9 ? kInf : 1.5f});
+    }
+  return rays;
+}
+
+// Every third ray does not see object 0 and passes material 1.
+constexpr std::uint8_t kHidden[2] = {1, 0};
+constexpr Passage kPassages[2] = {Passage::kBlocks, Passage::kPasses};
+
+void expectSpansAgree(const Mesh& mesh, const std::vector<Ray>& rays, std::size_t size) {
+  std::size_t met = 0;
+  for (std::size_t first = 0; first < rays.size(); first += size) {
+    const std::size_t count = std::min(size, rays.size() - first);
+    std::vector<Passages> passages(2 * count, Passages{kPassages});
+    std::vector<PreparedRay> alone(count);
+    for (std::size_t i = 0; i < count; ++i) {
+      alone[i] = mesh.prepare(rays[first + i]);
+      if ((first + i) % 3 != 0) continue;
+      alone[i].hidden = kHidden;
+      alone[i].passages = &passages[i];
+    }
+    std::vector<PreparedRay> together = alone;
+    for (std::size_t i = 0; i < count; ++i)
+      if (together[i].passages != nullptr) together[i].passages = &passages[count + i];
+    std::vector<std::uint8_t> blocked(count);
+    mesh.occluded(together, blocked);
+    std::vector<Hit> hits(count);
+    mesh.intersect(together, hits);
+    for (std::size_t i = 0; i < count; ++i) {
+      EXPECT_EQ(mesh.occluded(alone[i]), blocked[i] == 1);
+      if (!blocked[i]) {
+        EXPECT_EQ(passages[i].met, passages[count + i].met);
+      }
+      Hit hit;
+      met += mesh.intersect(alone[i], hit);
+      expectSame(hit, hits[i]);
+      EXPECT_EQ(alone[i].tfar, together[i].tfar);
+    }
+  }
+  EXPECT_GT(met, rays.size() / 8);
+}
+
 }  // namespace
 
 TEST(HccMeshTrace, NearestHitOfRandomRays) {
@@ -231,6 +280,25 @@ TEST(HccMeshTrace, ExpandedMeshesGiveTheSameBitsToEveryKindOfRay) {
     }
   }
   EXPECT_GT(found, 400);
+}
+
+TEST(HccMeshTrace, SpansOfRaysGiveTheBitsOfSingleRays) {
+  const Soup bumps = sheet(40, 2.0f), soup = randomSoup(700, 1.0f, 71);
+  std::vector<Part> parts{bumps.part(), soup.part()};
+  parts[1].material = parts[1].object = 1;
+  std::vector<Ray> rays = rasterRays({0.2, 0.1, 3.0}, 40);
+  for (const Ray& ray : rasterRays({3e7, 2e7, 1e8}, 9)) rays.push_back(ray);  // beyond floats
+  for (const Ray& ray : randomRays(1000, 72, false)) rays.push_back(ray);
+  for (std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    const Mesh mesh = Mesh::build(parts), fast = expandedOf(mesh);
+    SCOPED_TRACE(mesh.targetName());
+    for (const std::size_t size : {std::size_t{3}, std::size_t{16}, rays.size()}) {
+      expectSpansAgree(mesh, rays, size);
+      expectSpansAgree(fast, rays, size);
+    }
+  }
+  hwy::SetSupportedTargetsForTest(0);
 }
 
 TEST(HccMeshTrace, EqualDistanceTakesTheLowerTriangle) {

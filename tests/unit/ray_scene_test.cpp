@@ -188,6 +188,51 @@ TEST(RayScene, InstancedAndMergedScenesAreTheSame) {
   EXPECT_GT(hits, 3000);
 }
 
+// Merged, and under Embree; some rays start far outside, some never meet the scene, a plane cuts
+// it.
+TEST(RayScene, SpansOfRaysGiveTheAnswersOfSingleRays) {
+  Scene scene = bench::sceneOf(bench::bumpySphere(20, false));
+  for (int instances = 1; instances <= 2; ++instances) {
+    RayScene rays(scene, {.mergeTriangles = 0});
+    Visibility cut;
+    cut.cut = true, cut.normal = vec3(0.0f, 0.0f, 1.0f), cut.offset = 0.3f;
+    rays.setVisibility(cut);
+    std::vector<RayQuery> queries;
+    for (std::uint32_t i = 0; i < 700; ++i) {
+      const dvec3 from = i % 5 == 0   ? dvec3(0.0, 0.0, 1e9)
+                         : i % 7 == 0 ? dvec3(0.0, 9.0, 0.0)
+                                      : dvec3(0.1, 0.2, 0.0);
+      const vec3 d(bench::uniform(3 * i) - 0.5f, bench::uniform(3 * i + 1) - 0.5f,
+                   bench::uniform(3 * i + 2) * 0.3f - 1.0f);
+      queries.push_back(
+          {from - rays.renderOrigin(), glm::normalize(d), 0.0f, i % 3 ? kInfinity : 0.9f});
+    }
+    std::vector<RayHit> hits(queries.size());
+    std::vector<std::uint8_t> met(queries.size(), 7), blocked(queries.size(), 7);
+    rays.intersect(queries, hits, met);
+    rays.occluded(queries, blocked);
+    int found = 0;
+    for (std::size_t i = 0; i < queries.size(); ++i) {
+      const RayQuery& q = queries[i];
+      RayHit hit;
+      const bool one = rays.intersect(q.start, q.direction, q.tnear, q.end, hit);
+      found += one;
+      ASSERT_EQ(met[i], one ? 1 : 0);
+      EXPECT_EQ(blocked[i], rays.occluded(q.start, q.direction, q.tnear, q.end) ? 1 : 0);
+      if (!one) continue;
+      EXPECT_EQ(hits[i].t, hit.t);
+      EXPECT_EQ(hits[i].u, hit.u);
+      EXPECT_EQ(hits[i].v, hit.v);
+      EXPECT_EQ(hits[i].instance, hit.instance);
+      EXPECT_EQ(hits[i].cluster, hit.cluster);
+      EXPECT_EQ(hits[i].triangle, hit.triangle);
+    }
+    EXPECT_GT(found, 200);
+    scene.instances.push_back(scene.instances[0]);
+    scene.instances.back().transform = moved({3.0, 0.0, 0.0});
+  }
+}
+
 TEST(RayScene, RaysLeaveTheSurfaceInEveryDirection) {
   for (const dvec3& place : {dvec3(0.0), dvec3(5e6, 0.0, 5e6)})
     for (int copies : {1, 2}) {
