@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <limits>
 
+#include "hccmesh/expanded.h"
 #include "hccmesh/hccmesh.h"
 #include "hccmesh/layout.h"
 #include "hccmesh/top_level.h"
@@ -144,6 +145,37 @@ HWY_INLINE std::uint32_t boxesMet(VF tnear, VF tfar, float* entry) {
 
 // Where a ray that ends at `tfar` needs no more boxes.
 HWY_INLINE float farEnd(float tfar) { return tfar * (tfar >= 0.0f ? kBeyond : 2.0f - kBeyond); }
+
+// A BoxRay with a vector for each axis.
+struct PlainRay {
+  VF inverse[3], nearOffset[3], farOffset[3], tnear;
+};
+
+HWY_INLINE PlainRay plainRay(const PreparedRay& ray) {
+  const BoxRay b = boxRay(ray);
+  const auto axes = [](VF v, VF(&out)[3]) {
+    out[0] = hn::Broadcast<0>(v), out[1] = hn::Broadcast<1>(v), out[2] = hn::Broadcast<2>(v);
+  };
+  PlainRay r;
+  axes(b.inverse, r.inverse);
+  axes(b.nearOffset, r.nearOffset), axes(b.farOffset, r.farOffset);
+  r.tnear = b.tnear;
+  return r;
+}
+
+// Which of kLanes boxes from `first`, by planes in cells, are met before `end`; where goes to
+// `entry`.
+HWY_INLINE std::uint32_t testPlainBoxes(const float* const (&near)[3], const float* const (&far)[3],
+                                        std::size_t first, const PlainRay& r, VF end,
+                                        float* entry) {
+  VF from[3], to[3];
+  for (int k = 0; k < 3; ++k) {
+    from[k] = hn::MulSub(hn::Load(DF(), near[k] + first), r.inverse[k], r.nearOffset[k]);
+    to[k] = hn::MulSub(hn::Load(DF(), far[k] + first), r.inverse[k], r.farOffset[k]);
+  }
+  return boxesMet(hn::Max(hn::Max(from[0], from[1]), hn::Max(from[2], r.tnear)),
+                  hn::Min(hn::Min(to[0], to[1]), hn::Min(to[2], end)), entry);
+}
 
 struct Waiting {
   std::uint32_t child;
@@ -353,6 +385,56 @@ HWY_INLINE bool testTriangles(const Leaf& leaf, const Corners& c, MF active, std
     accept = inside();
   }
   return takeInside<kAny>(leaf, c, e, accept, first, ray, hit);
+}
+
+struct ExpandedTriangles {
+  const ExpandedLeaf* from;
+  std::uint32_t number, cluster, ends;
+
+  HWY_INLINE void readCorners(std::uint32_t place, glm::dvec3 (&p)[3]) const {
+    for (int i = 0; i < 3; ++i) {
+      const auto& c = from->corner[i];
+      p[i] = glm::dvec3(c[0][place], c[1][place], c[2][place]);
+    }
+  }
+};
+
+// The corners of kLanes triangles from `first`. Cells of far origins are too many for a float.
+HWY_INLINE Corners cornersOf(const ExpandedLeaf& leaf, std::uint32_t first,
+                             const PreparedRay& ray) {
+  const DF df;
+  const DI di;
+  Corners c;
+  VF p[3][3];
+  for (int i = 0; i < 3; ++i) {
+    const int k = ray.axis[i];
+    const VF origin = hn::Set(df, ray.origin[k]);
+    for (int corner = 0; corner < 3; ++corner) {
+      const VF grid = hn::Load(df, leaf.corner[corner][k] + first);
+      const VF cells =
+          HWY_LIKELY(!ray.isFar)
+              ? hn::Sub(grid, hn::ConvertTo(df, hn::Set(di, ray.cell[k])))
+              : hn::ConvertTo(df, hn::Sub(hn::ConvertTo(di, grid), hn::Set(di, ray.cell[k])));
+      p[corner][i] = hn::Sub(cells, origin);
+    }
+  }
+  for (int corner = 0; corner < 3; ++corner) {
+    const Vertex v = shearVertex(p[corner], ray);
+    c.x[corner] = v.x, c.y[corner] = v.y, c.depth[corner] = v.depth;
+  }
+  return c;
+}
+
+// Kept apart: it leaves registers to boxes.
+template <bool kAny>
+HWY_NOINLINE bool testExpandedLeaf(const ExpandedLeaf& leaf, PreparedRay& ray, Hit& hit) {
+  const ExpandedTriangles triangles{&leaf, leaf.number, leaf.cluster,
+                                    endsOn(ray, leaf.cluster, leaf.number)};
+  bool found = false;
+  for (std::uint32_t first = 0; first < leaf.triangles && !(kAny && found); first += kLanes)
+    found |= testTriangles<kAny>(triangles, cornersOf(leaf, first, ray),
+                                 hn::FirstN(DF(), leaf.triangles - first), first, ray, hit);
+  return found;
 }
 
 // Below, a Tracer knows a hierarchy of nodes, the first of them the root:

@@ -27,26 +27,26 @@ namespace hccm {
 namespace HWY_NAMESPACE {
 namespace hn = hwy::HWY_NAMESPACE;
 
-// What all leaves of a cluster share; axes in the ray's order kx, ky, kz.
+// What all leaves of a cluster share; axes in the order asked for, a ray's kx, ky, kz.
 struct Cluster {
   const std::uint8_t* vertices;
   std::uint32_t vertexBits, widthXy;
   std::uint32_t shift[3], mask[3];
-  std::int32_t anchor[3];  // as seen from the ray's cell
+  std::int32_t anchor[3];  // as seen from the cell
 };
 
 HWY_INLINE Cluster openCluster(const std::uint8_t* blob, const layout::ClusterHeader& h,
-                               const PreparedRay& ray) {
+                               const std::int32_t* axis, const std::int32_t* cell) {
   Cluster c;
   c.vertices = blob + h.vertexOffset;
   const std::uint32_t shifts[3] = {0u, h.width[0], std::uint32_t(h.width[0]) + h.width[1]};
   c.vertexBits = h.vertexBits();
   c.widthXy = shifts[2];
   for (int i = 0; i < 3; ++i) {
-    const int k = ray.axis[i];
+    const int k = axis[i];
     c.shift[i] = shifts[k];
     c.mask[i] = (1u << h.width[k]) - 1u;
-    c.anchor[i] = h.lower[k] - ray.cell[k];
+    c.anchor[i] = h.lower[k] - cell[k];
   }
   return c;
 }
@@ -110,25 +110,30 @@ HWY_INLINE VU lowHalves(const Words& w, std::uint32_t shift) {
 }
 #endif
 
+// The offsets of vertices from the cluster's anchor, in the order of `c`; `last` is the place of z.
+HWY_INLINE void decodeOffsets(const Cluster& c, VU index, int last, VU (&offset)[3]) {
+  const DU du;
+  const VU bit = hn::Mul(index, hn::Set(du, c.vertexBits));
+  const Words words = fetchWords(c.vertices, bit);
+  for (int i = 0; i < 3; ++i) offset[i] = lowHalves(words, c.shift[i]);
+  if (HWY_UNLIKELY(c.vertexBits > 57)) {  // x and y fit in one word, z in the next
+    const Words zWords = fetchWords(c.vertices, hn::Add(bit, hn::Set(du, c.widthXy)));
+    for (int i = 0; i < 3; ++i)
+      if (i == last) offset[i] = lowHalves(zWords, 0);
+  }
+  for (int i = 0; i < 3; ++i) offset[i] = hn::And(offset[i], hn::Set(du, c.mask[i]));
+}
+
 // Exact integers and the ray's own origin, rounded to what single precision has of their distance,
 // then operations on these alone: equal vertices of two clusters give equal bits.
 HWY_INLINE Vertex decodeVertex(const Cluster& c, const PreparedRay& ray, VU index) {
   const DF df;
   const DI di;
-  const DU du;
-  const VU bit = hn::Mul(index, hn::Set(du, c.vertexBits));
-  const Words words = fetchWords(c.vertices, bit);
   VU offset[3];
-  for (int i = 0; i < 3; ++i) offset[i] = lowHalves(words, c.shift[i]);
-  if (HWY_UNLIKELY(c.vertexBits > 57)) {  // x and y fit in one word, z in the next
-    const Words zWords = fetchWords(c.vertices, hn::Add(bit, hn::Set(du, c.widthXy)));
-    for (int i = 0; i < 3; ++i)
-      if (ray.axis[i] == 2) offset[i] = lowHalves(zWords, 0);
-  }
+  decodeOffsets(c, index, ray.axis[0] == 2 ? 0 : ray.axis[1] == 2 ? 1 : 2, offset);
   VF p[3];
   for (int i = 0; i < 3; ++i) {
-    const VU masked = hn::And(offset[i], hn::Set(du, c.mask[i]));
-    const auto grid = hn::Add(hn::BitCast(di, masked), hn::Set(di, c.anchor[i]));
+    const auto grid = hn::Add(hn::BitCast(di, offset[i]), hn::Set(di, c.anchor[i]));
     p[i] = hn::Sub(hn::ConvertTo(df, grid), hn::Set(df, ray.origin[ray.axis[i]]));
   }
   return shearVertex(p, ray);
@@ -213,15 +218,17 @@ HWY_INLINE void cornersOf(const LeafCode& leaf, std::uint32_t place, std::uint32
   for (int k = 0; k < 3; ++k) vertex[k] = of[leaf.corner[k] >> (4 * place) & 15u];
 }
 
-// The vertices of a leaf in the ray's frame, by local number.
+// The vertices of a leaf, by local number.
 class LocalVertices {
  public:
-  HWY_INLINE LocalVertices(const Cluster& c, const LeafCode& leaf, const PreparedRay& ray) {
+  // decode(numbers of the cluster's vertices) gives those of kLanes.
+  template <typename Decode>
+  HWY_INLINE LocalVertices(const LeafCode& leaf, const Decode& decode) {
     const DU du;
     const DB db;
     const auto* numbers = reinterpret_cast<const std::uint8_t*>(leaf.vertex);
     for (std::size_t i = 0; i < kMost && i * kLanes < leaf.locals; ++i)
-      set(i, decodeVertex(c, ray, hn::PromoteTo(du, hn::LoadU(db, numbers + i * kLanes))));
+      set(i, decode(hn::PromoteTo(du, hn::LoadU(db, numbers + i * kLanes))));
     wide_ = leaf.locals > kLanes;
   }
   // Those of kLanes triangles from `first`.
@@ -291,7 +298,7 @@ HWY_INLINE bool testLeaf(const Cluster& c, const layout::ClusterHeader& h,
                          const std::uint8_t* record, std::uint32_t number, std::uint32_t cluster,
                          PreparedRay& ray, Hit& hit) {
   const LeafCode code = decodeLeaf(record);
-  const LocalVertices vertices(c, code, ray);
+  const LocalVertices vertices(code, [&](VU index) { return decodeVertex(c, ray, index); });
   const Leaf leaf{&h,      reinterpret_cast<const std::byte*>(c.vertices),
                   &code,   number,
                   cluster, endsOn(ray, cluster, number)};
@@ -352,6 +359,16 @@ HWY_INLINE std::uint32_t testBoxes(const BoxFrame& f, std::size_t at, VF start, 
                   hn::Min(hn::Min(farX, farY), hn::Min(farZ, end)), entry);
 }
 
+// The leaf whose box is entered first.
+HWY_INLINE std::uint32_t nearestOf(std::uint64_t met, const float* entry) {
+  auto leaf = static_cast<std::uint32_t>(std::countr_zero(met));
+  for (std::uint64_t rest = met & (met - 1); rest != 0; rest &= rest - 1) {
+    const auto other = static_cast<std::uint32_t>(std::countr_zero(rest));
+    if (entry[other] < entry[leaf]) leaf = other;
+  }
+  return leaf;
+}
+
 template <bool kAny>
 HWY_INLINE bool testLeaves(const std::byte* bytes, const BoxRay& boxes, PreparedRay& ray,
                            std::uint32_t cluster, Hit& hit) {
@@ -360,7 +377,7 @@ HWY_INLINE bool testLeaves(const std::byte* bytes, const BoxRay& boxes, Prepared
   const std::uint32_t leaves = h.leafCount;
   const std::uint8_t* groupStarts = blob + sizeof(layout::ClusterHeader);
   if (leaves == 1) {
-    const Cluster c = openCluster(blob, h, ray);
+    const Cluster c = openCluster(blob, h, ray.axis, ray.cell);
     return testLeaf<kAny>(c, h, blob + layout::recordOffset(bytes, h, 0), 0, cluster, ray, hit);
   }
   std::uint32_t shifts;
@@ -384,15 +401,11 @@ HWY_INLINE bool testLeaves(const std::byte* bytes, const BoxRay& boxes, Prepared
     __builtin_prefetch(vertices);
     __builtin_prefetch(vertices + 64);
   }
-  const Cluster c = openCluster(blob, h, ray);
+  const Cluster c = openCluster(blob, h, ray.axis, ray.cell);
   bool found = false;
   while (met != 0) {
-    auto leaf = static_cast<std::uint32_t>(std::countr_zero(met));
-    if (!kAny)  // nearest box first
-      for (std::uint64_t rest = met & (met - 1); rest != 0; rest &= rest - 1) {
-        const auto other = static_cast<std::uint32_t>(std::countr_zero(rest));
-        if (entry[other] < entry[leaf]) leaf = other;
-      }
+    const std::uint32_t leaf =
+        kAny ? static_cast<std::uint32_t>(std::countr_zero(met)) : nearestOf(met, entry);
     if (!kAny && entry[leaf] > farEnd(ray.tfar)) break;
     met &= ~(1ull << leaf);
     const std::uint8_t* record = blob + layout::recordOffset(bytes, h, leaf);
@@ -409,6 +422,99 @@ HWY_INLINE bool testCluster(const std::byte* bytes, const BoxRay& boxes, Prepare
   return testAsSeen<kAny>(h, ray,
                           [&] { return testLeaves<kAny>(bytes, boxes, ray, cluster, hit); });
 }
+
+// A cluster for several rays: boxes and leaves are decoded once, leaves when the first ray meets
+// them.
+class OpenCluster {
+ public:
+  OpenCluster(const std::byte* bytes, std::uint32_t number)
+      : bytes_(bytes),
+        header_(*reinterpret_cast<const layout::ClusterHeader*>(bytes)),
+        number_(number) {
+    static constexpr std::int32_t kOrder[3] = {0, 1, 2}, kOrigin[3] = {0, 0, 0};
+    const auto* blob = reinterpret_cast<const std::uint8_t*>(bytes);
+    cluster_ = openCluster(blob, header_, kOrder, kOrigin);
+    const std::uint32_t leaves = header_.leafCount;
+    if (leaves == 1) return;  // has no boxes
+    const std::uint8_t* planes = blob + sizeof(layout::ClusterHeader);
+    for (std::uint32_t plane = 0; plane < 6; ++plane, planes += leaves) {
+      const std::uint32_t k = plane / 2;
+      const VF cell = hn::Set(DF(), static_cast<float>(1u << header_.boxShift[k]));
+      const VF lower = hn::Set(DF(), static_cast<float>(header_.lower[k]));
+      for (std::uint32_t first = 0; first < leaves; first += kLanes) {
+        const VF q = hn::ConvertTo(DF(), hn::PromoteTo(DI(), hn::LoadU(DB(), planes + first)));
+        hn::Store(hn::MulAdd(q, cell, lower), DF(), planes_[plane] + first);
+      }
+    }
+  }
+
+  // As testLeaves().
+  template <bool kAny>
+  HWY_INLINE bool test(PreparedRay& ray, Hit& hit) {
+    alignas(32) float entry[layout::kMaxLeaves + 8];
+    entry[0] = ray.tnear;
+    std::uint64_t met = header_.leafCount == 1 ? 1 : boxesMetBy(ray, entry);
+    bool found = false;
+    while (met != 0) {
+      const std::uint32_t leaf =
+          kAny ? static_cast<std::uint32_t>(std::countr_zero(met)) : nearestOf(met, entry);
+      if (!kAny && entry[leaf] > farEnd(ray.tfar)) break;
+      met &= ~(1ull << leaf);
+      if (!(opened_ >> leaf & 1u)) open(leaf);
+      found |= testExpandedLeaf<kAny>(leaves_[leaf], ray, hit);
+      if (kAny && found) return true;
+    }
+    return found;
+  }
+
+ private:
+  HWY_INLINE std::uint64_t boxesMetBy(const PreparedRay& ray, float* entry) const {
+    const DF df;
+    const PlainRay r = plainRay(ray);
+    const VF end = hn::Set(df, farEnd(ray.tfar));
+    const float *near[3], *far[3];
+    for (int k = 0; k < 3; ++k)
+      near[k] = planes_[ray.nearPlane[k]], far[k] = planes_[ray.nearPlane[k] ^ 1u];
+    std::uint64_t met = 0;
+    for (std::uint32_t first = 0; first < header_.leafCount; first += kLanes)
+      met |= std::uint64_t(testPlainBoxes(near, far, first, r, end, entry + first)) << first;
+    return met & ~0ull >> (64 - header_.leafCount);
+  }
+  HWY_NOINLINE void open(std::uint32_t number) {
+    const DF df;
+    const DI di;
+    const LeafCode code = decodeLeaf(reinterpret_cast<const std::uint8_t*>(
+        bytes_ + layout::recordOffset(bytes_, header_, number)));
+    const LocalVertices vertices(code, [&](VU index) {
+      VU offset[3];
+      decodeOffsets(cluster_, index, 2, offset);
+      const auto grid = [&](int k) {
+        return hn::ConvertTo(df,
+                             hn::Add(hn::BitCast(di, offset[k]), hn::Set(di, cluster_.anchor[k])));
+      };
+      return Vertex{grid(0), grid(1), grid(2)};
+    });
+    ExpandedLeaf& leaf = leaves_[number];
+    leaf.cluster = number_, leaf.number = number, leaf.triangles = code.triangles;
+    for (std::uint32_t first = 0; first < code.triangles; first += kLanes) {
+      const Corners c = vertices.corners(code, first);
+      for (int i = 0; i < 3; ++i) {
+        hn::Store(c.x[i], df, leaf.corner[i][0] + first);
+        hn::Store(c.y[i], df, leaf.corner[i][1] + first);
+        hn::Store(c.depth[i], df, leaf.corner[i][2] + first);
+      }
+    }
+    opened_ |= 1ull << number;
+  }
+
+  const std::byte* bytes_;
+  const layout::ClusterHeader& header_;
+  std::uint32_t number_;
+  Cluster cluster_;
+  std::uint64_t opened_ = 0;  // by leaf
+  alignas(32) float planes_[6][layout::kMaxLeaves + 8];
+  ExpandedLeaf leaves_[layout::kMaxLeaves];
+};
 
 struct MeshTracer {
   using Boxes = BoxRay;
@@ -440,10 +546,14 @@ struct MeshTracer {
   template <bool kAny>
   HWY_INLINE std::uint32_t testLeaf(std::uint32_t child, std::uint32_t mask, PreparedRay* rays,
                                     Hit* hits) const {
+    const std::uint32_t number = child & ~TopNode::kCluster;
+    OpenCluster cluster(mesh.blob(number), number);
+    const auto& h = *reinterpret_cast<const layout::ClusterHeader*>(mesh.blob(number));
     std::uint32_t met = 0;
     for (; mask != 0; mask &= mask - 1) {
       const int i = std::countr_zero(mask);
-      if (testLeaf<kAny>(child, boxRay(rays[i]), rays[i], hits[i])) met |= 1u << i;
+      const auto test = [&] { return cluster.test<kAny>(rays[i], hits[i]); };
+      if (testAsSeen<kAny>(h, rays[i], test)) met |= 1u << i;
     }
     return met;
   }
