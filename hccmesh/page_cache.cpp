@@ -206,6 +206,25 @@ void PagedMesh::reach(std::uint32_t page, Pin& pin) const {
   pin = cache_.pin(page);
 }
 
+namespace {
+
+/// While it lives, the triangles that a ray leaves and ends on are named as the page names them.
+class AsInPage {
+ public:
+  AsInPage(PreparedRay& ray, std::uint32_t base) : ray_(ray), base_(base) {
+    ray_.fromCluster -= base_, ray_.toCluster -= base_;
+  }
+  ~AsInPage() { ray_.fromCluster += base_, ray_.toCluster += base_; }
+  AsInPage(const AsInPage&) = delete;
+  AsInPage& operator=(const AsInPage&) = delete;
+
+ private:
+  PreparedRay& ray_;
+  std::uint32_t base_;
+};
+
+}  // namespace
+
 bool PagedMesh::intersect(std::uint32_t group, PreparedRay& ray, Hit& hit, Pin& pin) const {
   const PageGroup& g = table_.groups[group];
   reach(g.page, pin);
@@ -223,7 +242,7 @@ bool PagedMesh::intersect(std::uint32_t group, PreparedRay& ray, Hit& hit, Pin& 
     }
   }
   const Mesh& mesh = pin.mesh();
-  ray.fromCluster -= base;
+  const AsInPage inPage(ray, base);
   bool found = false;
   if (g.count == 1) {
     found = mesh.intersect(g.first, ray, local);
@@ -241,7 +260,6 @@ bool PagedMesh::intersect(std::uint32_t group, PreparedRay& ray, Hit& hit, Pin& 
       found |= mesh.intersect(g.first + static_cast<std::uint32_t>(next), ray, local);
     }
   }
-  ray.fromCluster += base;
   if (!found) return false;
   hit = local;
   hit.cluster += base;
@@ -252,14 +270,12 @@ bool PagedMesh::occluded(std::uint32_t group, PreparedRay& ray, Pin& pin) const 
   const PageGroup& g = table_.groups[group];
   reach(g.page, pin);
   const Mesh& mesh = pin.mesh();
-  const std::uint32_t base = g.page * kPageClusters;
-  ray.fromCluster -= base;
+  const AsInPage inPage(ray, g.page * kPageClusters);
   bool found = false;
   for (std::uint32_t c = g.first; !found && c < std::uint32_t{g.first} + g.count; ++c) {
     float entry;
     found = (g.count == 1 || meets(mesh, c, ray, entry)) && mesh.occluded(c, ray);
   }
-  ray.fromCluster += base;
   return found;
 }
 

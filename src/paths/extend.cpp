@@ -1,8 +1,36 @@
 #include "src/paths/path_tracer.h"
 
+#include <array>
+#include <span>
+
 #include "src/paths/wave.h"
 
 namespace trex {
+
+/// Traces the first rays of all paths, neighbours from one eye, as one span. Those that meet
+/// nothing end.
+void PathTracer::extendFirst(Wave& wave) const {
+  std::array<RayQuery, Wave::kPaths> rays;
+  std::array<RayHit, Wave::kPaths> hits;
+  std::array<std::uint8_t, Wave::kPaths> met;
+  const std::size_t count = wave.paths.size();
+  for (std::size_t i = 0; i < count; ++i) {
+    const WavePath& path = wave.paths[i];
+    rays[i] = {path.start, path.direction, path.tnear, kInfinity};
+  }
+  rays_.intersect(std::span(rays).first(count), hits, met);
+  wave.underWay.clear();
+  for (std::size_t i = 0; i < count; ++i) {
+    WavePath& path = wave.paths[i];
+    ++path.counts->cRays;
+    path.hit = hits[i];
+    if (met[i]) {
+      wave.underWay.push_back(&path);
+    } else {
+      miss(path);
+    }
+  }
+}
 
 /// Traces the ray to the next surface. False if the path has left the scene or a cone goes on in
 /// its place.

@@ -65,10 +65,8 @@ PathState PathTracer::generate(const PathJob& job, std::uint32_t number, Sampler
 
 /// All paths of a wave through all stages, until the last one has ended.
 void PathTracer::run(Wave& wave) const {
-  wave.underWay.clear();
-  for (WavePath& path : wave.paths) wave.underWay.push_back(&path);
+  extendFirst(wave);
   while (!wave.underWay.empty()) {
-    std::erase_if(wave.underWay, [&](WavePath* path) { return !extend(*path, wave); });
     std::erase_if(wave.underWay, [&](WavePath* path) {
       path->fate = arrive(*path);
       return path->fate == Fate::kEnds;
@@ -81,6 +79,7 @@ void PathTracer::run(Wave& wave) const {
     }
     std::erase_if(wave.underWay,
                   [&](WavePath* path) { return path->fate != Fate::kPasses && !scatter(*path); });
+    std::erase_if(wave.underWay, [&](WavePath* path) { return !extend(*path, wave); });
   }
 }
 

@@ -67,6 +67,7 @@ class PathTracer {
   PathState generate(const PathJob& job, std::uint32_t number, Sampler& sampler) const;
   void run(Wave& wave) const;
 
+  void extendFirst(Wave& wave) const;
   bool extend(WavePath& path, Wave& wave) const;
   bool handToCone(WavePath& path, Wave& wave) const;
   void miss(WavePath& path) const;

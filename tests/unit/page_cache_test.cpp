@@ -75,6 +75,55 @@ TEST(PageCache, HitsAreThoseOfAMeshInMemory) {
   EXPECT_GT(hits, 50);
 }
 
+/// The nearest hit of all groups.
+Hit nearest(const PagedMesh& mesh, const Ray& ray) {
+  PreparedRay prepared = mesh.prepare(ray);
+  PagedMesh::Pin pin;
+  Hit hit;
+  for (std::uint32_t g = 0; g < mesh.groupCount(); ++g) mesh.intersect(g, prepared, hit, pin);
+  return hit;
+}
+bool occluded(const PagedMesh& mesh, const Ray& ray) {
+  PreparedRay prepared = mesh.prepare(ray);
+  PagedMesh::Pin pin;
+  for (std::uint32_t g = 0; g < mesh.groupCount(); ++g) {
+    if (mesh.occluded(g, prepared, pin)) return true;
+  }
+  return false;
+}
+
+/// The triangles that a ray leaves and ends on are left out wherever their page is, and no triangle
+/// of the same number in another page is.
+TEST(PageCache, TheTrianglesThatARayJoinsAreThoseOfTheirPage) {
+  Streamed s = bumpy();
+  const PagedMesh mesh = s.mesh();
+  const auto pages = static_cast<std::uint32_t>(s.table.pages.size());
+  std::mt19937 random(5);
+  int tried = 0;
+  for (int i = 0; i < 100; ++i) {
+    const glm::vec3 from = randomPoint(random, 0.3f) + glm::vec3(0.0f, 0.0f, 0.5f);
+    const glm::vec3 to = randomPoint(random, 0.3f) * glm::vec3(1.0f, 1.0f, 0.0f);
+    const Ray ray{from, 0.0f, to - from, std::numeric_limits<float>::infinity()};
+    const Hit hit = nearest(mesh, ray);
+    if (hit.cluster == Hit::kNothing) continue;
+    ++tried;
+    const std::uint32_t place = hit.cluster % kPageClusters, page = hit.cluster / kPageClusters;
+    for (const std::uint32_t other : {0u, pages / 2, pages - 1, page}) {
+      for (const bool leaves : {true, false}) {
+        Ray joined = ray;
+        (leaves ? joined.fromCluster : joined.toCluster) = other * kPageClusters + place;
+        (leaves ? joined.fromTriangle : joined.toTriangle) = hit.triangle;
+        const Hit found = nearest(mesh, joined);
+        const bool same = found.cluster == hit.cluster && found.triangle == hit.triangle;
+        EXPECT_EQ(same, other != page) << "page " << page << ", named " << other;
+        joined.tfar = hit.t * 1.0001f;
+        EXPECT_TRUE(other == page || occluded(mesh, joined)) << page << ", named " << other;
+      }
+    }
+  }
+  EXPECT_GT(tried, 30);
+}
+
 TEST(PageCache, AnyOrderAndAnyCacheGiveTheSameBits) {
   Streamed a = bumpy(), b = bumpy();
   const std::uint64_t least = PageCache::leastBytes(b.table);
