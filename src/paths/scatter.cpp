@@ -24,10 +24,7 @@ bool PathTracer::scatter(WavePath& path) const {
   path.throughput *= next.weight;
   path.roulette *= next.etaSquared;
   if (path.bounces >= kRouletteFrom) {
-    // By the square root: the variance that a shorter path brings and the rays that it saves
-    // balance there, for the least error after the same time.
-    const float survival =
-        std::min(0.95f, std::sqrt(maxComponent(path.throughput) * path.roulette));
+    const float survival = std::min(0.95f, maxComponent(path.throughput) * path.roulette);
     if (!(survival > 0.0f) || path.sampler.next1D() >= survival) return false;
     path.throughput /= survival;
   }
