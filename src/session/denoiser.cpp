@@ -19,7 +19,7 @@ namespace {
 /// Of the seconds of a render that `auto` spends on Open Image Denoise, and of the memory.
 constexpr double kMostTime = 0.25;
 constexpr std::uint64_t kMostMemoryPart = 4;
-/// Work of the thorough way over that of the quick one, of two parts of light (docs/figures.md).
+/// Work of the thorough way over that of the quick one, of two parts of light (docs/denoising.md).
 constexpr double kThorough = 6.0;
 
 /// The shorter of two runs.

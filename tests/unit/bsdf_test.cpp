@@ -4,6 +4,7 @@
 
 #include <vector>
 
+#include "src/crays/lights_detail.h"
 #include "src/crays/microfacet.h"
 #include "tests/unit/chi_square.h"
 #include "tests/unit/scenes.h"
@@ -165,6 +166,23 @@ TEST_P(BsdfTest, WeightIsConsistentAndEnergyIsNotMade) {
   }
   EXPECT_LT(energy, 1.01);
   EXPECT_GT(energy, 0.3);
+}
+
+/// Both at once are the bits of each, to all sides and for each kind of lobe.
+TEST_P(BsdfTest, ValueIsThatOfEvaluateAndPdf) {
+  const Bsdf b = bsdf();
+  int reached = 0;
+  for (std::uint32_t i = 0; i < 2000; ++i) {
+    Sampler sampler(i, 0, 11);
+    const vec3 direction = uniformSphere(sampler.next2D());
+    for (const LobeKind kind : {LobeKind::kAll, LobeKind::kSharp, LobeKind::kBroad}) {
+      const BsdfValue value = b.value(direction, kind);
+      EXPECT_EQ(value.f, b.evaluate(direction, kind)) << GetParam().name;
+      EXPECT_EQ(value.pdf, b.pdf(direction)) << GetParam().name;
+      reached += maxComponent(value.f) > 0.0f ? 1 : 0;
+    }
+  }
+  EXPECT_GT(reached, 100);
 }
 
 TEST_P(BsdfTest, ReflectionIsReciprocal) {
