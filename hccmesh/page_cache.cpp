@@ -15,12 +15,9 @@ Mesh emptyMesh(int stepExponent) {
   return Mesh::build({}, options);
 }
 
-/// A ray against the box of a cluster, wider than the tests inside. Where it is entered goes to
-/// `entry`, cells.
-bool meets(const Mesh& mesh, std::uint32_t cluster, const PreparedRay& ray, float& entry) {
+/// A ray against a box, wider than the tests inside. Where it is entered goes to `entry`, cells.
+bool meets(const float* lower, const float* upper, const PreparedRay& ray, float& entry) {
   constexpr float kTolerance = 0x1p-18f;  // twice that of trace.cpp
-  glm::vec3 lower, upper;
-  mesh.clusterBounds(cluster, lower, upper);
   float nearest = ray.tnear, farthest = ray.tfar;
   for (int k = 0; k < 3; ++k) {
     const auto cell = static_cast<float>(ray.cell[k]);
@@ -31,6 +28,12 @@ bool meets(const Mesh& mesh, std::uint32_t cluster, const PreparedRay& ray, floa
   }
   entry = nearest - std::abs(nearest) * kTolerance;
   return entry <= farthest + std::abs(farthest) * kTolerance;
+}
+
+bool meets(const Mesh& mesh, std::uint32_t cluster, const PreparedRay& ray, float& entry) {
+  glm::vec3 lower, upper;
+  mesh.clusterBounds(cluster, lower, upper);
+  return meets(&lower.x, &upper.x, ray, entry);
 }
 
 constexpr std::uint64_t kOverhead = 512;  ///< of a page: the object and its allocations, bytes
@@ -75,15 +78,23 @@ bool PageCache::tryPin(Slot& slot) {
   return false;
 }
 
-PageCache::Pin PageCache::pin(std::uint32_t page) {
+/// Of a page that the caller has pinned.
+PageCache::Pin PageCache::pinned(std::uint32_t page) {
   Slot& slot = slots_[page];
-  if (!tryPin(slot)) return load(page);
   if (slot.used.load(std::memory_order_relaxed) == 0) slot.used.store(1, std::memory_order_relaxed);
   Pin out;
   out.cache_ = this;
   out.page_ = page;
   out.mesh_ = slot.mesh.get();
   return out;
+}
+
+PageCache::Pin PageCache::pin(std::uint32_t page) {
+  return tryPin(slots_[page]) ? pinned(page) : load(page);
+}
+
+PageCache::Pin PageCache::pinIfHere(std::uint32_t page) {
+  return tryPin(slots_[page]) ? pinned(page) : Pin();
 }
 
 void PageCache::unpin(std::uint32_t page) {
@@ -93,29 +104,37 @@ void PageCache::unpin(std::uint32_t page) {
   changed_.notify_all();
 }
 
+/// Evicts a page of present_. False if it is pinned. The lock is held.
+bool PageCache::giveUp(std::size_t place) {
+  const std::uint32_t page = present_[place];
+  Slot& slot = slots_[page];
+  std::int32_t unpinned = 0;
+  if (!slot.state.compare_exchange_strong(unpinned, kBusy)) return false;
+  slot.mesh.reset();
+  slot.state.store(kAbsent);
+  present_[place] = present_.back();
+  slots_[present_[place]].place = static_cast<std::uint32_t>(place);
+  present_.pop_back();
+  statistics_.bytes -= bytesOf(table_.pages[page]);
+  ++statistics_.evictions;
+  return true;
+}
+
+bool PageCache::evict(std::uint32_t page) {
+  const std::lock_guard lock(mutex_);
+  // Pages are there for good only while the lock is held: one that is being loaded has no place.
+  const std::size_t place = slots_[page].place;
+  return place < present_.size() && present_[place] == page && giveUp(place);
+}
+
 /// Evicts the next page that is neither pinned nor was used since the hand passed it last. False if
 /// all are pinned. The lock is held.
 bool PageCache::evictOne() {
   for (std::size_t step = 0; step < 2 * present_.size(); ++step) {
     if (hand_ >= present_.size()) hand_ = 0;
-    const std::uint32_t page = present_[hand_];
-    Slot& slot = slots_[page];
-    if (slot.used.exchange(0, std::memory_order_relaxed) != 0) {
-      ++hand_;
-      continue;
-    }
-    std::int32_t unpinned = 0;
-    if (!slot.state.compare_exchange_strong(unpinned, kBusy)) {
-      ++hand_;
-      continue;
-    }
-    slot.mesh.reset();
-    slot.state.store(kAbsent);
-    present_[hand_] = present_.back();
-    present_.pop_back();
-    statistics_.bytes -= bytesOf(table_.pages[page]);
-    ++statistics_.evictions;
-    return true;
+    Slot& slot = slots_[present_[hand_]];
+    if (slot.used.exchange(0, std::memory_order_relaxed) == 0 && giveUp(hand_)) return true;
+    ++hand_;
   }
   return false;
 }
@@ -171,19 +190,15 @@ PageCache::Pin PageCache::load(std::uint32_t page) {
       changed_.notify_all();
       throw;
     }
+    slot.place = static_cast<std::uint32_t>(present_.size());
     present_.push_back(page);
     ++statistics_.loads;
     statistics_.bytesRead += entry.packedBytes;
-    slot.used.store(1, std::memory_order_relaxed);
     slot.state.store(1, std::memory_order_release);
     changed_.notify_all();
     break;
   }
-  Pin out;
-  out.cache_ = this;
-  out.page_ = page;
-  out.mesh_ = slot.mesh.get();
-  return out;
+  return pinned(page);
 }
 
 PageCache::Statistics PageCache::statistics() const {
@@ -204,6 +219,21 @@ void PagedMesh::reach(std::uint32_t page, Pin& pin) const {
   if (pin.holds(page)) return;
   pin.release();  // a thread that waits holds nothing
   pin = cache_.pin(page);
+}
+
+float PagedMesh::entry(std::uint32_t group, const PreparedRay& ray) const {
+  constexpr float kRounding = 0x1p-20f;
+  const PageGroup& g = table_.groups[group];
+  float cells;
+  meets(g.lower, g.upper, ray, cells);
+  const auto t = static_cast<float>((double(cells) + ray.shift) / double(ray.cells));
+  return t - std::abs(t) * kRounding;
+}
+
+bool PagedMesh::reachIfHere(std::uint32_t group, Pin& pin) const {
+  const std::uint32_t page = table_.groups[group].page;
+  if (!pin.holds(page)) pin = cache_.pinIfHere(page);
+  return pin.holds(page);
 }
 
 namespace {

@@ -71,6 +71,15 @@ class PageCache {
 
   /// Pins a page, loading it if need be. Throws what loadPage() throws.
   Pin pin(std::uint32_t page);
+  /// Pins a page if it is there, at once; else the pin holds nothing.
+  Pin pinIfHere(std::uint32_t page);
+  /// Whether a page is there. By the time of the answer another thread may have changed that.
+  bool isHere(std::uint32_t page) const {
+    return slots_[page].state.load(std::memory_order_relaxed) >= 0;
+  }
+  /// Gives up a page, for callers who know better than the clock's hand. False if it is pinned or
+  /// not there.
+  bool evict(std::uint32_t page);
   Statistics statistics() const;
   std::uint64_t limit() const { return limit_; }
 
@@ -81,10 +90,13 @@ class PageCache {
   struct Slot {
     std::atomic<std::int32_t> state{kAbsent};
     std::atomic<std::uint8_t> used{0};  ///< since the hand passed
+    std::uint32_t place = 0;            ///< in present_, while it is there
     std::unique_ptr<Mesh> mesh;
   };
 
   bool tryPin(Slot& slot);
+  Pin pinned(std::uint32_t page);
+  bool giveUp(std::size_t place);
   void unpin(std::uint32_t page);
   Pin load(std::uint32_t page);
   std::unique_ptr<Mesh> read(std::uint32_t page) const;
@@ -129,8 +141,14 @@ class PagedMesh {
   bool occluded(std::uint32_t group, PreparedRay& ray, Pin& pin) const;
   /// Decodes a triangle of a hit. Throws what loadPage() throws.
   Triangle triangle(std::uint32_t cluster, std::uint32_t index) const;
+  /// Where a ray enters a group's box, a little early: t of the direction that it was given with.
+  float entry(std::uint32_t group, const PreparedRay& ray) const;
+  /// Whether the page of a group is there, without loading it; then `pin` holds it.
+  bool reachIfHere(std::uint32_t group, Pin& pin) const;
   /// Pins a page, to walk over its triangles.
   Pin page(std::uint32_t number) const { return cache_.pin(number); }
+  /// For who decides what is loaded and given up. Thread safe.
+  PageCache& cache() const { return cache_; }
 
  private:
   void reach(std::uint32_t page, Pin& pin) const;

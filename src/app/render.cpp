@@ -25,6 +25,7 @@
 #include "src/scene/look_file.h"
 #include "src/session/model_editor.h"
 #include "src/session/preflight.h"
+#include "src/session/samples.h"
 #include "src/vulkan/vulkan.h"
 
 namespace trex {
@@ -61,14 +62,43 @@ Look readEdits(RenderArguments& a, const Scene& scene, ModelOptions& options) {
   return look;
 }
 
-/// Limit of pages in memory: as asked for, or most of what the rest leaves.
-std::uint64_t cacheFor(const RenderArguments& a, const PagedSizes& paged, const Preflight& fit) {
+/// Memory of paths that wait for pages. `left`: for these and the pages; `cache`: what was asked
+/// for these, or 0. Throws Error(kMemoryOrDevice) if it is not there.
+std::uint64_t rayMemory(const RenderSettings& s, const std::string& asked, std::uint64_t cache,
+                        std::uint64_t left) {
+  constexpr std::uint64_t kMost = std::uint64_t{1} << 30;
+  const std::uint64_t room = left > cache ? left - cache : 0;
+  if (asked == "off") return 0;
+  if (asked == "auto") {
+    const std::uint64_t samples = s.samples > 0 ? s.samples : 64;
+    const std::uint64_t all = memoryOfPaths(std::uint64_t{s.width} * s.height * samples);
+    return std::min({all, kMost, cache > 0 ? room : left / 4});
+  }
+  const std::uint64_t bytes = parseBytes(asked);
+  if (bytes > room || (cache == 0 && bytes > left / 4 * 3)) {
+    fail(ExitCode::kMemoryOrDevice,
+         "--ray-memory {}: {} are left for pages and paths that wait for them; make it or --cache "
+         "smaller, or --max-memory larger",
+         asked, formatBytes(left));
+  }
+  return bytes;
+}
+
+/// Limit of pages in memory: as asked for, or most of what the rest leaves. Where they don't fit
+/// paths wait for them, and the settings get the memory of these.
+std::uint64_t cacheFor(RenderArguments& a, const PagedSizes& paged, const Preflight& fit) {
+  a.settings.rayMemory = 0;
   if (paged.pages == 0) return 0;
   const std::uint64_t left = (fit.allowed - fit.needed) / 8 * 7;
-  const std::uint64_t cache = a.cache.empty() ? std::max<std::uint64_t>(left, 1)
-                                              : std::max<std::uint64_t>(parseBytes(a.cache), 1);
+  std::uint64_t cache = a.cache.empty() ? std::max<std::uint64_t>(left, 1)
+                                        : std::max<std::uint64_t>(parseBytes(a.cache), 1);
+  if (cache < paged.pages) {
+    a.settings.rayMemory = rayMemory(a.settings, a.rayMemory, a.cache.empty() ? 0 : cache, left);
+    if (a.cache.empty()) cache = left - a.settings.rayMemory;
+  }
   logVerbose("memory: {:>10} of pages, at most {} at a time", formatBytes(paged.pages),
              formatBytes(std::min(cache, paged.pages)));
+  logVerbose("memory: {:>10} of paths that wait for pages", formatBytes(a.settings.rayMemory));
   return std::min(cache, paged.pages);
 }
 
@@ -191,6 +221,11 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
   c->add_option("--max-memory", a->maxMemory, "Memory this process may use, such as 8G [all]");
   c->add_option("--cache", a->cache,
                 "Memory for pages of a streamed bundle, such as 2G [what --max-memory leaves]");
+  c->add_option(
+       "--ray-memory", a->rayMemory,
+       "Memory for paths that wait for pages where these don't fit, such as 512M, auto or off "
+       "(threads wait)")
+      ->capture_default_str();
   c->add_option("--max-gpu-memory", a->maxGpuMemory,
                 "Device memory that may be used, such as 2G [all]");
   c->add_option("--checkpoint", a->checkpoint,

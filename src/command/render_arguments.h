@@ -23,6 +23,7 @@ struct RenderArguments {
   std::string edits;                 ///< overlay on the scene, as the viewer saves it
   std::vector<std::string> volumes;  ///< as --volume
   std::string maxMemory, maxGpuMemory, cache;
+  std::string rayMemory = "auto";
   std::vector<std::string> layers;
   std::string checkpoint;
   double checkpointSeconds = 60.0;

@@ -188,9 +188,13 @@ LightConnection ClearLayers::connect(const RayStart& start, const vec3& directio
   if (blocked && anyBends_ && meetsBends(start, towards, end)) {
     return aim(start, direction, end, absorption);
   }
+  return blocked ? LightConnection{.direction = direction} : unblocked(direction, end, absorption);
+}
+
+LightConnection ClearLayers::unblocked(const vec3& direction, const RayEnd& end,
+                                       const vec3& absorption) {
   LightConnection out;
   out.direction = direction;
-  if (blocked) return out;
   out.passed = absorption == vec3(0.0f) ? vec3(1.0f) : glm::exp(-absorption * end.distance);
   return out;
 }

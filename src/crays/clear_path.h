@@ -93,6 +93,11 @@ class ClearLayers {
   /// volume the start lies in.
   LightConnection connect(const RayStart& start, const vec3& direction,
                           const RayEnd& end = kInfinity, const vec3& absorption = vec3(0.0f)) const;
+  /// Whether connect() is a matter of occluded() alone, since nothing lets light pass: then its
+  /// answer is none, or unblocked().
+  bool blockOnly() const { return !any_ && !anyBends_; }
+  static LightConnection unblocked(const vec3& direction, const RayEnd& end,
+                                   const vec3& absorption);
   /// A single ray, up to where it comes closest to the end's point, or without end.
   ClearWalk walk(const RayStart& start, const vec3& direction, const RayEnd& end,
                  const vec3& absorption = vec3(0.0f)) const;

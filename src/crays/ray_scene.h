@@ -107,6 +107,8 @@ struct Surface {
   }
 };
 
+struct WaitingRay;
+
 class RayScene {
  public:
   static constexpr std::uint32_t kWorldMesh = 0xffffffffu;
@@ -172,6 +174,14 @@ class RayScene {
   void intersect(std::span<const RayQuery> rays, std::span<RayHit> hits,
                  std::span<std::uint8_t> answers) const;
   void occluded(std::span<const RayQuery> rays, std::span<std::uint8_t> answers) const;
+  /// As intersect() and occluded(), as far as the pages that are there go: none is loaded. True
+  /// once the answer is known: `ray.hit()`, `ray.blocked`. Else the ray waits for `ray.page()`; ask
+  /// again, with the same query, when that has been there. The bits are those of the calls above,
+  /// whatever was there when. Thread safe, a WaitingRay by itself.
+  bool intersectHere(const RayQuery& query, WaitingRay& ray) const;
+  bool occludedHere(const RayQuery& query, WaitingRay& ray) const;
+  /// The page that surface(hit) reads; WaitingRay::kNoPage if it is of a mesh in memory.
+  std::uint32_t pageOf(const RayHit& hit) const;
   /// Decodes a hit. Thread safe.
   Surface surface(const RayHit& hit) const;
   /// Where a ray along `direction` starts that was scattered at a surface and leaves it on its

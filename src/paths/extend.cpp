@@ -35,19 +35,31 @@ void PathTracer::extendFirst(Wave& wave) const {
 /// Traces the ray to the next surface. False if the path has left the scene or a cone goes on in
 /// its place.
 bool PathTracer::extend(WavePath& path, Wave& wave) const {
-  ++path.counts->cRays;
+  const NextRay next = nextRay(path);
+  const bool met = rays_.intersect(path.start, path.direction, path.tnear, next.end, path.hit);
+  return takeHit(path, wave, next, met);
+}
+
+/// How far the next ray is traced, and whether a cone may go on beyond the near field.
+NextRay PathTracer::nextRay(const WavePath& path) const {
   bool cone = path.coneRay && path.coupled && !path.clear.begun();
-  const float near = nearField();
   // Voxels know nothing of media: a cone whose axis meets one is an exact ray into cached light.
   if (media_ != nullptr && cone) {
     cone = !media_->meets(path.start.position, path.direction, path.tnear, kInfinity);
   }
   // Nor of clear glass: so it is with a cone whose axis meets that first.
-  const bool whole = !cone || layers_.glass();
-  bool met =
-      rays_.intersect(path.start, path.direction, path.tnear, whole ? kInfinity : near, path.hit);
+  return {cone, !cone || layers_.glass() ? kInfinity : nearField()};
+}
+
+/// What the next ray has met, `path.hit`, or that it met nothing as far as it went.
+bool PathTracer::takeHit(WavePath& path, Wave& wave, const NextRay& next, bool met) const {
+  ++path.counts->cRays;
+  bool cone = next.cone;
+  const bool whole = next.end == kInfinity;
+  const float near = nearField();
   if (met && cone && whole) {
-    cone = path.hit.t > near && !layers_.isGlass(rays_.surface(path.hit).material);
+    cone = path.hit.t > near &&
+           !(layers_.glass() && layers_.isGlass(rays_.surface(path.hit).material));
     if (!cone) return true;
   }
   if (cone && !(met && path.hit.t <= near)) {
@@ -81,6 +93,7 @@ bool PathTracer::handToCone(WavePath& path, Wave& wave) const {
   request.jitter = path.sampler.next1D();
   request.weight = path.throughput;
   request.job = path.job;
+  request.bounce = path.bounces;
   if (lights_.hasEnvironment()) {
     const float weight =
         powerHeuristic(path.scatterPdf, lights_.pdfEnvironment(path.lastPoint(), path.direction));

@@ -52,39 +52,38 @@ void PathTracer::ask(WavePath& path, Wave& wave) const {
 
 /// What arrives of the light that was chosen, and of caustics.
 void PathTracer::answer(WavePath& path) const {
-  const Bsdf& bsdf = *path.bsdf;
   if (path.asks) takeAnswer(path);
-  if (path.caustics == nullptr) return;
+  if (path.caustics != nullptr) path.add(causticLight(path), path.scattered == 0);
+}
+
+vec3 PathTracer::causticLight(const WavePath& path) const {
   const CausticMap& map = path.scattered == 0 ? *path.caustics->seen : *path.caustics->later;
-  const vec3 light = map.radiance(path.surface, bsdf, !path.spread);
-  path.add(path.throughput * light, path.scattered == 0);
+  return path.throughput * map.radiance(path.surface, *path.bsdf, !path.spread);
 }
 
 void PathTracer::takeAnswer(WavePath& path) const {
+  const LightQuestion& q = path.question;
+  const vec3 absorption = path.bsdf->absorptionTowards(q.light.direction, path.absorption);
+  const LightConnection way = connect(path, q.start, q.light.direction, q.light.end(), absorption);
+  if (way.reaches()) path.add(weigh(path, way));
+}
+
+/// The light of a question that arrives by `way`.
+LightAnswer PathTracer::weigh(const WavePath& path, const LightConnection& way) const {
   const Bsdf& bsdf = *path.bsdf;
   const LightQuestion& q = path.question;
   const LightSample& light = q.light;
-  const vec3 absorption = bsdf.absorptionTowards(light.direction, path.absorption);
-  const LightConnection way = connect(path, q.start, light.direction, light.end(), absorption);
-  if (!way.reaches()) return;
   const BsdfValue surface = way.refracted ? bsdf.value(way.direction, q.kind) : q.surface;
   const float pdf = light.pdfBy(way);
   const vec3 unweighted = path.throughput * surface.f * light.radiance * way.passed / pdf;
   const float weight = lightWeight(light, pdf, surface.pdf),
               guessWeight = q.farEmitter ? 1.0f : weight;
-  const vec3 exact = unweighted * weight;
-  const bool direct = path.scattered == 0;
-  if (!q.coneShadow && !(path.coupled && guessWeight != weight)) {
-    path.add(exact, direct);
-    return;
-  }
-  const vec3 guess = q.coneShadow ? vec3(0.0f) : unweighted * guessWeight;
-  path.sample->guess += guess;
-  path.sample->exact += exact;
-  if (direct) {
-    path.sample->direct += guess;
-    path.sample->directExact += exact;
-  }
+  LightAnswer answer;
+  answer.exact = unweighted * weight;
+  answer.direct = path.scattered == 0;
+  answer.apart = q.coneShadow || (path.coupled && guessWeight != weight);
+  if (answer.apart) answer.guess = q.coneShadow ? vec3(0.0f) : unweighted * guessWeight;
+  return answer;
 }
 
 /// The shadow cone of a large light, which brings `radiance` if nothing is in its way.
@@ -115,6 +114,7 @@ void PathTracer::shadowCone(WavePath& path, const vec3& radiance, Wave& wave) co
   }
   request.direct = path.scattered == 0;
   request.job = path.job;
+  request.bounce = path.bounces;
   request.shadow = true;
   wave.cones.push_back(request);
   ++path.counts->cones;

@@ -30,6 +30,8 @@
 namespace trex {
 
 enum class Fate : std::uint8_t;
+struct LightAnswer;
+struct NextRay;
 struct PathState;
 struct Wave;
 struct WavePath;
@@ -64,11 +66,15 @@ class PathTracer {
   bool guesses() const { return guess_.cache != nullptr; }
 
  private:
+  friend class BatchedTracer;  // another way through the same stages: batched_tracer.h
+
   PathState generate(const PathJob& job, std::uint32_t number, Sampler& sampler) const;
   void run(Wave& wave) const;
 
   void extendFirst(Wave& wave) const;
   bool extend(WavePath& path, Wave& wave) const;
+  NextRay nextRay(const WavePath& path) const;
+  bool takeHit(WavePath& path, Wave& wave, const NextRay& next, bool met) const;
   bool handToCone(WavePath& path, Wave& wave) const;
   void miss(WavePath& path) const;
 
@@ -82,6 +88,8 @@ class PathTracer {
   void shadowCone(WavePath& path, const vec3& radiance, Wave& wave) const;
   void answer(WavePath& path) const;
   void takeAnswer(WavePath& path) const;
+  vec3 causticLight(const WavePath& path) const;
+  LightAnswer weigh(const WavePath& path, const LightConnection& way) const;
   LightConnection connect(WavePath& path, const RayStart& start, const vec3& direction,
                           const RayEnd& end, const vec3& absorption) const;
   float emitterWeight(float density, const RayStart& left, const LightPoint& vertex,

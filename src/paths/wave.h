@@ -23,6 +23,19 @@ struct LightQuestion {
   bool coneShadow = false;         ///< the guess has asked a cone
 };
 
+/// The light that a question brings if it arrives.
+struct LightAnswer {
+  vec3 guess{0.0f}, exact{0.0f};
+  bool apart = false;   ///< to guess and exact path; else `exact` to where the path adds up
+  bool direct = false;  ///< see PathSample
+};
+
+/// The next ray of a path: how far it is traced, and whether a cone may go on from there.
+struct NextRay {
+  bool cone;
+  float end;  ///< metres
+};
+
 /// What becomes of a path at a surface.
 enum class Fate : std::uint8_t {
   kEnds,
@@ -68,6 +81,14 @@ struct WavePath : PathState {
     if (!direct) return;
     if (coupled) sample->direct += light;
     sample->directExact += light;
+  }
+  void add(const LightAnswer& light) {
+    if (!light.apart) return add(light.exact, light.direct);
+    sample->guess += light.guess;
+    sample->exact += light.exact;
+    if (!light.direct) return;
+    sample->direct += light.guess;
+    sample->directExact += light.exact;
   }
   /// Light that the last ray came straight from.
   void addSeen(const vec3& light) {

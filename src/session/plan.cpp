@@ -52,8 +52,8 @@ std::optional<Work> plan(const SessionState& s) {
   if (reads && s.photons < photons) {
     return Work{.kind = Work::Kind::kPhotons, .photons = photons};
   }
-  // A capture looks at its goal after every sample.
-  std::uint32_t barrier = s.interactive ? kAnySamples : s.samples + 1;
+  // A capture looks at its goal after every sample, or after as many as can be under way at once.
+  std::uint32_t barrier = s.interactive ? kAnySamples : s.samples + s.samplesAtOnce;
   if (s.mostSamples > 0) barrier = std::min(barrier, s.mostSamples);
   if (reads) barrier = std::min(barrier, nextLightSample(s));
   return Work{.kind = Work::Kind::kSamples, .barrier = barrier};

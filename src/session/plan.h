@@ -28,6 +28,7 @@ struct SessionState {
   bool lightOfBefore = false;        ///< that previews read; else they trace exact paths
   std::uint32_t previewCells = 0;    ///< of the preview's first sample, in every tile; of 64
   std::uint32_t previewSamples = 0;  ///< whole ones
+  std::uint32_t samplesAtOnce = 1;   ///< of a capture, between two looks at its goal
   std::uint32_t turn = 0;            ///< grows with every piece of work
 };
 

@@ -26,8 +26,9 @@ struct SampleBatch {
 
 namespace {
 
-constexpr std::size_t kChunk = 64;       // jobs that a thread takes at a time
-constexpr double kBatchSeconds = 0.003;  // between two questions whether to go on
+constexpr std::size_t kChunk = 64;             // jobs that a thread takes at a time
+constexpr double kBatchSeconds = 0.003;        // between two questions whether to go on
+constexpr std::size_t kLargestUnit = 64 * 64;  // pixels of a tile
 constexpr std::uint32_t kLeastBatch = 256, kLargestBatch = 1u << 16;
 
 /// The pixels of a unit.
@@ -107,6 +108,15 @@ void rateTile(FrameBuffers& frame, std::uint32_t tile) {
 
 }  // namespace
 
+std::size_t pathsThatWait(std::uint64_t bytes) {
+  return static_cast<std::size_t>(bytes / memoryOfPaths(1));
+}
+
+std::uint64_t memoryOfPaths(std::uint64_t paths) {
+  return paths *
+         (BatchedTracer::bytesAPath() + sizeof(PathJob) + sizeof(PathSample) + sizeof(RayCounts));
+}
+
 void SampleTaker::take(FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
                        const std::function<bool()>& keepGoing, vec2 pointer) {
   frame.tiles.beginFrame(pointer, batchPixels_ / 4);
@@ -117,19 +127,24 @@ void SampleTaker::take(FrameBuffers& frame, const SampleSource& source, VoxelLig
     if (!must && !keepGoing()) break;
     const double mark = secondsNow();
     SampleBatch& batch = batches[i % 2];
-    more = fill(frame, batch);
+    more = fill(frame, wanted(source), batch);
     const std::size_t jobs = batch.jobs.size();
     if (jobs > 0) trace(frame, source, light, batch);
     merge(frame, light, batches[(i + 1) % 2]);
+    if (source.batched) merge(frame, light, batch);  // there is no room for two
     adapt(secondsNow() - mark, jobs);
   }
   for (SampleBatch& batch : batches) merge(frame, light, batch);
 }
 
-/// Units for a batch: one of a sweep, of the viewer's as many as it has time for. False once none
-/// is left.
-bool SampleTaker::fill(FrameBuffers& frame, SampleBatch& batch) const {
-  const std::size_t wanted = interactive_ ? batchPixels_ : 1;
+/// Pixels of a batch: one unit of a sweep, of the viewer's as many as it has time for.
+std::size_t SampleTaker::wanted(const SampleSource& source) const {
+  if (source.batched) return std::max<std::size_t>(mostWaiting_, kLargestUnit) - kLargestUnit + 1;
+  return interactive_ ? batchPixels_ : 1;
+}
+
+/// Units for a batch. False once none is left.
+bool SampleTaker::fill(FrameBuffers& frame, std::size_t wanted, SampleBatch& batch) const {
   while (batch.jobs.size() < wanted) {
     const auto unit = frame.tiles.next();
     if (!unit) return false;
@@ -152,16 +167,19 @@ void SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
   const std::uint32_t width = frame.sums.width();
   batch.paths.assign(count, PathSample{});
   batch.rays.assign(count, RayCounts{});
-  batch.cones.resize(chunks);
+  batch.cones.resize(source.batched ? 1 : chunks);
+  for (auto& part : batch.cones) part.clear();
   if (source.caustics != nullptr) prepareCaustics(*source.caustics, batch);
-  tbb::parallel_for(std::size_t{0}, chunks, [&](std::size_t chunk) {
-    batch.cones[chunk].clear();
+  for (PathJob& job : batch.jobs) {
+    const double offset = toUnitFloat(hashCombine(hashCombine(job.x, job.y), seed_));
+    job.paired = source.pairs && takesExact(job.sample, exact_, offset);
+  }
+  if (source.batched) {
+    source.batched->trace(batch.jobs, width, batch.paths, batch.rays, batch.cones[0]);
+  }
+  tbb::parallel_for(std::size_t{0}, source.batched ? 0 : chunks, [&](std::size_t chunk) {
     const std::size_t first = chunk * kChunk, size = std::min(kChunk, count - first);
     const auto jobs = std::span(batch.jobs).subspan(first, size);
-    for (PathJob& job : jobs) {
-      const double offset = toUnitFloat(hashCombine(hashCombine(job.x, job.y), seed_));
-      job.paired = source.pairs && takesExact(job.sample, exact_, offset);
-    }
     source.tracer->trace(jobs, width, static_cast<std::uint32_t>(first),
                          std::span(batch.paths).subspan(first, size),
                          std::span(batch.rays).subspan(first, size), batch.cones[chunk]);

@@ -8,6 +8,7 @@
 #include <functional>
 #include <memory>
 
+#include "src/paths/batched_tracer.h"
 #include "src/paths/path_tracer.h"
 #include "src/session/frame_buffers.h"
 #include "src/session/settings.h"
@@ -19,16 +20,26 @@ namespace trex {
 struct SampleSource {
   std::unique_ptr<PathTracer> tracer;
   CausticMaps* caustics = nullptr;  ///< made ready for the samples to come; null where none is read
-  bool pairs = false;               ///< the settings' share of samples is traced exactly too
+  /// Where pages do not fit in memory; else null, and the tracer's own way is taken.
+  std::unique_ptr<BatchedTracer> batched;
+  bool pairs = false;  ///< the settings' share of samples is traced exactly too
 };
 
 struct SampleBatch;
+
+/// Paths that may wait for pages at once in so many bytes, their samples included.
+std::size_t pathsThatWait(std::uint64_t bytes);
+/// Bytes that make room for so many of them.
+std::uint64_t memoryOfPaths(std::uint64_t paths);
 
 /// One thread at a time; each call uses all of the calling oneTBB arena.
 class SampleTaker {
  public:
   explicit SampleTaker(const RenderSettings& settings)
-      : interactive_(settings.interactive), seed_(settings.seed), exact_(settings.exact) {}
+      : interactive_(settings.interactive),
+        seed_(settings.seed),
+        exact_(settings.exact),
+        mostWaiting_(pathsThatWait(settings.rayMemory)) {}
 
   /// Takes samples in the order of the frame's tiles until none is left before their barrier, or
   /// keepGoing, asked before each batch, says no. Of the viewer's tiles at least one batch, and the
@@ -41,7 +52,8 @@ class SampleTaker {
   void restoreRays(const RayCounts& rays) { rays_ = rays; }
 
  private:
-  bool fill(FrameBuffers& frame, SampleBatch& batch) const;
+  std::size_t wanted(const SampleSource& source) const;
+  bool fill(FrameBuffers& frame, std::size_t wanted, SampleBatch& batch) const;
   void trace(const FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
              SampleBatch& batch);
   void merge(FrameBuffers& frame, VoxelLight& light, SampleBatch& batch);
@@ -50,6 +62,7 @@ class SampleTaker {
   bool interactive_;
   std::uint32_t seed_;
   double exact_;
+  std::size_t mostWaiting_;           ///< paths at once where pages do not fit in memory
   std::uint32_t batchPixels_ = 2048;  ///< of the viewer: some milliseconds' worth
   RayCounts rays_;
 };

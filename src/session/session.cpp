@@ -42,6 +42,9 @@ Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
     report_.deviceSeconds = secondsNow() - mark;
   }
   makeCaustics();
+  if (settings_.rayMemory > 0 && model_->rays->parts().paged && !settings_.interactive) {
+    loads_ = std::make_unique<LoadChoice>(model_->rays->parts().paged->table());
+  }
   makeSources();
 }
 
@@ -75,6 +78,8 @@ SessionState Session::state() const {
   s.mostSamples = goal_.mostSamples();
   s.goalReached = goalReached();
   s.turn = turn_;
+  // Maps of caustics are one sample's.
+  if (loads_ && settings_.error == 0.0 && !caustics_) s.samplesAtOnce = samplesAtOnce();
   s.interactive = preview_ != nullptr;
   if (!preview_) return s;
   s.lightOfBefore = light_.hasLight();
@@ -143,6 +148,12 @@ PathSample Session::probe(std::uint32_t x, std::uint32_t y, std::uint32_t sample
   return source_.tracer->sample({x, y, sample, true}, settings_.width);
 }
 
+/// Samples of a pixel that are under way at once where paths wait for pages.
+std::uint32_t Session::samplesAtOnce() const {
+  const std::uint64_t whole = pathsThatWait(settings_.rayMemory) / pixels();
+  return static_cast<std::uint32_t>(std::clamp<std::uint64_t>(whole, 1, 1u << 16));
+}
+
 // ---- what samples need ----
 
 void Session::makeFrames() {
@@ -187,9 +198,13 @@ SampleSource Session::source(const LightCache* cache, CausticMaps* caustics) {
                   (settings_.guess == GuessKind::kAuto && !light_.device()->sharesHostCores());
   }
   report_.cones = guess.cones;
-  return {std::make_unique<PathTracer>(model_->scene, *model_->rays, *lights_, *camera_, guess,
-                                       settings_.seed, !settings_.transparent, caustics),
-          caustics};
+  SampleSource made;
+  made.tracer =
+      std::make_unique<PathTracer>(model_->scene, *model_->rays, *lights_, *camera_, guess,
+                                   settings_.seed, !settings_.transparent, caustics);
+  made.caustics = caustics;
+  if (loads_) made.batched = std::make_unique<BatchedTracer>(*made.tracer, *model_->rays, *loads_);
+  return made;
 }
 
 }  // namespace trex

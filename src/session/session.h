@@ -68,6 +68,7 @@ struct SessionReport {
   RayCounts rays;
   RayScene::Statistics mesh;
   hccm::PageCache::Statistics pages;  ///< of a mesh in pages
+  PageTrafficReport traffic;          ///< where paths wait for them
   std::uint64_t voxels = 0, leaves = 0, voxelBytes = 0;
   int voxelDepth = 0;
   double lightScale = 1.0;
@@ -162,6 +163,7 @@ class Session {
   void makeCaustics();
   void makeSources();
   SampleSource source(const LightCache* cache, CausticMaps* caustics);
+  std::uint32_t samplesAtOnce() const;
   void restartFrames();
   std::uint64_t pixels() const { return std::uint64_t{settings_.width} * settings_.height; }
   std::vector<std::span<std::byte>> sums();
@@ -182,6 +184,7 @@ class Session {
   std::unique_ptr<LightSet> lights_;
   std::unique_ptr<CameraRays> camera_;
   std::unique_ptr<CausticMaps> caustics_;          ///< null where the scene has none
+  std::unique_ptr<LoadChoice> loads_;              ///< where paths wait for pages; else null
   std::unique_ptr<FrameBuffers> frame_, preview_;  ///< preview_: the viewer's alone
   SampleSource source_, previewSource_;
 };

@@ -1,0 +1,269 @@
+#include "src/paths/batched_tracer.h"
+
+#include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <atomic>
+#include <memory>
+#include <mutex>
+
+#include "src/core/clock.h"
+#include "src/crays/reading_pages.h"
+
+namespace trex {
+
+/// The paths of one call.
+struct BatchedTracer::Batch {
+  std::span<const PathJob> jobs;
+  std::uint32_t width;
+  std::span<PathSample> samples;
+  std::span<RayCounts> counts;
+  WaitingPath* paths;  ///< by job; made when the path begins
+  PageQueues* queues;
+  PageTraffic* traffic;
+};
+
+/// A thread: takes rays whose page is there, and takes their paths as far as they go.
+struct BatchedTracer::Worker {
+  const PathTracer& tracer;
+  const RayScene& rays;
+  Batch& batch;
+  std::vector<ConeRequest> cones{};
+  Wave wave{cones};
+  std::vector<std::uint32_t> ready{};  ///< paths that go on
+  std::uint64_t ended = 0;
+
+  void run();
+  void answer(std::uint32_t ray);
+  void goOn();
+  void begin(std::uint32_t job);
+  WavePath& enter(std::uint32_t job, const PathState& state, const Sampler& sampler);
+  bool settle(WavePath& path);
+  bool scatter(WavePath& path);
+  bool trace(WavePath& path);
+  void detach(WavePath& path);
+  void keep(const WavePath& path, int open);
+  void park(std::uint32_t job, bool shadow);
+};
+
+/// Rays are numbered by path: towards the next surface 2 * path, towards the light one more.
+void BatchedTracer::Worker::run() {
+  PageWork work;
+  while (batch.traffic->next(work)) {
+    ended = 0;
+    for (std::uint64_t job = work.first; job < work.end && work.page == PageWork::kBegin; ++job) {
+      begin(static_cast<std::uint32_t>(job));
+      if (wave.paths.size() == Wave::kPaths || job + 1 == work.end) goOn();
+    }
+    for (const std::uint32_t ray : work.rays) answer(ray);
+    for (std::size_t i = 0; i < ready.size(); i += Wave::kPaths) {
+      wave.paths.clear();
+      for (std::size_t k = i; k < std::min(ready.size(), i + Wave::kPaths); ++k) {
+        const WaitingPath& path = batch.paths[ready[k]];
+        enter(ready[k], path.state, Sampler(path.state.random));
+      }
+      std::erase_if(wave.underWay, [&](WavePath* path) { return !settle(*path); });
+      goOn();
+    }
+    ready.clear();
+    batch.traffic->done(work, ended);
+  }
+}
+
+/// A ray whose page has come. A path goes on once both of its rays are answered.
+void BatchedTracer::Worker::answer(std::uint32_t ray) {
+  WaitingPath& path = batch.paths[ray / 2];
+  const bool shadow = ray % 2 != 0;
+  const bool answered = shadow ? rays.occludedHere(path.towards, path.shadow)
+                               : rays.intersectHere(path.query(), path.ray);
+  if (!answered) {
+    park(ray / 2, shadow);
+  } else if (std::atomic_ref(path.open).fetch_sub(1) == 1) {
+    ready.push_back(ray / 2);
+  }
+}
+
+/// The ray waits for its page.
+void BatchedTracer::Worker::park(std::uint32_t job, bool shadow) {
+  const WaitingPath& path = batch.paths[job];
+  const WaitingRay& ray = shadow ? path.shadow : path.ray;
+  batch.traffic->wait(2 * job + (shadow ? 1 : 0),
+                      ray.answered ? rays.pageOf(ray.best) : ray.page());
+}
+
+WavePath& BatchedTracer::Worker::enter(std::uint32_t job, const PathState& state,
+                                       const Sampler& sampler) {
+  WavePath& path = wave.paths.emplace_back(state, sampler);
+  path.sample = &batch.samples[job];
+  path.counts = &batch.counts[job];
+  path.caustics = tracer.caustics_ ? tracer.caustics_->find(path.number) : nullptr;
+  wave.underWay.push_back(&path);
+  return path;
+}
+
+void BatchedTracer::Worker::begin(std::uint32_t job) {
+  const PathJob& j = batch.jobs[job];
+  Sampler sampler(j.y * batch.width + j.x, j.sample, tracer.seed_);
+  const PathState state = tracer.generate(j, job, sampler);
+  std::construct_at(&batch.paths[job], WaitingPath{.state = state});
+  WavePath& path = enter(job, state, sampler);
+  if (path.paired) ++path.counts->exactPaths;
+  if (!trace(path)) wave.underWay.pop_back();
+}
+
+/// Paths of the wave whose next surface is known, through all stages, until the last one waits or
+/// has ended.
+void BatchedTracer::Worker::goOn() {
+  while (!wave.underWay.empty()) {
+    std::erase_if(wave.underWay, [&](WavePath* path) {
+      path->fate = tracer.arrive(*path);
+      path->asks = false;
+      if (path->fate == Fate::kEnds) ++ended;
+      return path->fate == Fate::kEnds;
+    });
+    for (WavePath* path : wave.underWay) {
+      if (path->fate == Fate::kLit) tracer.ask(*path, wave);
+    }
+    std::erase_if(wave.underWay, [&](WavePath* path) { return !scatter(*path); });
+    std::erase_if(wave.underWay, [&](WavePath* path) { return !trace(*path); });
+  }
+  wave.paths.clear();
+}
+
+/// The light of a vertex becomes a question of its own; what is not a matter of one ray is answered
+/// at once.
+void BatchedTracer::Worker::detach(WavePath& path) {
+  WaitingPath& w = batch.paths[path.job];
+  if (!path.asks || !tracer.layers_.blockOnly()) return tracer.answer(path);
+  ++path.counts->shadowRays;
+  const LightQuestion& q = path.question;
+  const RayEnd end = q.light.end();
+  const dvec3& start = q.start.position;
+  LightConnection way = ClearLayers::unblocked(
+      q.light.direction, end, path.bsdf->absorptionTowards(q.light.direction, path.absorption));
+  if (tracer.media_ != nullptr && way.reaches()) {
+    way.passed *= tracer.media_->transmittance(start, q.light.direction, end.distance);
+  }
+  w.asks = way.reaches();
+  if (w.asks) {
+    w.light = tracer.weigh(path, way);
+    const vec3 towards = end.point ? vec3(glm::normalize(*end.point - start)) : q.light.direction;
+    w.towards = {q.start, towards, 0.0f, end};
+    w.shadow = WaitingRay();
+  }
+  if (path.caustics == nullptr) return;
+  w.caustics = tracer.causticLight(path);
+  w.collects = w.asks;
+  if (!w.asks) path.add(w.caustics, path.scattered == 0);
+}
+
+/// False if the path has ended, and no light is under way to it.
+bool BatchedTracer::Worker::scatter(WavePath& path) {
+  WaitingPath& w = batch.paths[path.job];
+  w.asks = w.collects = false;
+  if (path.fate == Fate::kLit) detach(path);
+  w.ended = path.fate != Fate::kPasses && !tracer.scatter(path);
+  if (!w.ended || w.asks) return true;
+  ++ended;
+  return false;
+}
+
+/// Traces a path's rays as far as they go. False if it waits, or has ended.
+bool BatchedTracer::Worker::trace(WavePath& path) {
+  WaitingPath& w = batch.paths[path.job];
+  w.ray = WaitingRay();
+  if (!w.ended) w.next = tracer.nextRay(path);
+  if (w.next.cone && path.paired) w.next.end = kInfinity;  // rather than twice
+  const bool lit = !w.asks || rays.occludedHere(w.towards, w.shadow);
+  const bool met =
+      w.ended ||
+      rays.intersectHere({path.start, path.direction, path.tnear, RayEnd(w.next.end)}, w.ray);
+  if (lit && met) return settle(path);
+  keep(path, (lit ? 0 : 1) + (met ? 0 : 1));
+  const std::uint32_t job = path.job;
+  if (!lit) park(job, true);
+  if (!met) park(job, false);  // from here on the path may be another thread's
+  return false;
+}
+
+/// What the path is until its rays are answered.
+void BatchedTracer::Worker::keep(const WavePath& path, int open) {
+  WaitingPath& w = batch.paths[path.job];
+  w.state = path;
+  w.state.random = path.sampler.state();
+  w.open = static_cast<std::uint8_t>(open);
+}
+
+/// Both rays are answered. False if the path has ended, or waits for the page of the surface.
+bool BatchedTracer::Worker::settle(WavePath& path) {
+  WaitingPath& w = batch.paths[path.job];
+  if (w.asks && !w.shadow.blocked) path.add(w.light);
+  if (w.collects) path.add(w.caustics, w.light.direct);
+  w.asks = w.collects = false;
+  const bool met = w.ray.hit();
+  const std::uint32_t page = met ? rays.pageOf(w.ray.best) : WaitingRay::kNoPage;
+  if (!w.ended && page != WaitingRay::kNoPage && !rays.parts().paged->cache().isHere(page)) {
+    keep(path, 1);
+    park(path.job, false);
+    return false;
+  }
+  path.hit = w.ray.best;
+  const bool goesOn = !w.ended && tracer.takeHit(path, wave, w.next, met);
+  if (!goesOn) ++ended;
+  return goesOn;
+}
+
+BatchedTracer::BatchedTracer(const PathTracer& tracer, const RayScene& rays, LoadChoice& choice)
+    : tracer_(tracer), rays_(rays), choice_(choice) {}
+
+std::uint64_t BatchedTracer::bytesAPath() {
+  return sizeof(WaitingPath) + 2 * PageQueues::bytesARay();
+}
+
+namespace {
+
+struct FreePaths {
+  std::size_t count;
+  void operator()(WaitingPath* paths) const {
+    std::allocator<WaitingPath>().deallocate(paths, count);
+  }
+};
+
+}  // namespace
+
+void BatchedTracer::trace(std::span<const PathJob> jobs, std::uint32_t width,
+                          std::span<PathSample> samples, std::span<RayCounts> counts,
+                          std::vector<ConeRequest>& cones) {
+  const hccm::PagedMesh& mesh = *rays_.parts().paged;
+  const int threads = tbb::this_task_arena::max_concurrency();
+  PageQueues queues(mesh.table().pages.size(), 2 * jobs.size());
+  const std::unique_ptr<WaitingPath, FreePaths> paths(
+      std::allocator<WaitingPath>().allocate(jobs.size()), FreePaths{jobs.size()});
+  const double start = secondsNow();
+  PageTraffic traffic(mesh.cache(), choice_, queues, jobs.size(), static_cast<unsigned>(threads));
+  Batch batch{jobs, width, samples, counts, paths.get(), &queues, &traffic};
+  std::mutex merging;
+  tbb::parallel_for(
+      0, threads, 1,
+      [&](int) {
+        Worker worker{tracer_, rays_, batch};
+        try {
+          worker.run();
+        } catch (...) {
+          traffic.fail(std::current_exception());
+        }
+        const std::lock_guard lock(merging);
+        cones.insert(cones.end(), worker.cones.begin(), worker.cones.end());
+      },
+      tbb::simple_partitioner());
+  PageTrafficReport report = traffic.report();
+  report.tracing = (secondsNow() - start) * threads;
+  report_.add(report);
+  readingPages([&] { traffic.rethrow(); });
+  std::sort(cones.begin(), cones.end(), [](const ConeRequest& a, const ConeRequest& b) {
+    return a.job != b.job ? a.job < b.job : a.bounce < b.bounce;
+  });
+}
+
+}  // namespace trex

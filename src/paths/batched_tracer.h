@@ -1,0 +1,48 @@
+// Paths of a mesh in pages that does not fit in memory: rays wait for pages, not threads.
+//
+// A path goes through the stages of PathTracer as far as the pages that are there go; then its rays
+// wait, each in the queue of the nearest page that it needs, and the thread takes other rays. When
+// a page has been loaded all rays of its queue meet it, and go on [Pharr et al. 1997; Son and Yoon
+// 2017]. Samples have the bits of PathTracer::trace(): what a ray meets does not depend on what was
+// there when, and a path adds up in its own order.
+//
+// What is rare is not put off but waited for: rays through glass, alpha and media towards lights,
+// and the short ones that leave a smooth surface.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "src/paths/page_traffic.h"
+#include "src/paths/path_tracer.h"
+#include "src/paths/waiting_path.h"
+
+namespace trex {
+
+class BatchedTracer {
+ public:
+  /// All of these must outlive it. The scene has a mesh in pages.
+  BatchedTracer(const PathTracer& tracer, const RayScene& rays, LoadChoice& choice);
+
+  /// Memory of a path under way, bytes, without its sample.
+  static std::uint64_t bytesAPath();
+
+  /// As PathTracer::trace(), with all threads of the calling oneTBB arena. All jobs are under way
+  /// at once: bytesAPath() each. Cone requests have the order of jobs.
+  void trace(std::span<const PathJob> jobs, std::uint32_t width, std::span<PathSample> samples,
+             std::span<RayCounts> counts, std::vector<ConeRequest>& cones);
+  PageTrafficReport report() const { return report_; }
+
+ private:
+  struct Worker;
+  struct Batch;
+
+  const PathTracer& tracer_;
+  const RayScene& rays_;
+  LoadChoice& choice_;
+  PageTrafficReport report_;
+};
+
+}  // namespace trex

@@ -1,0 +1,157 @@
+#include "src/paths/page_traffic.h"
+
+#include <algorithm>
+
+#include "src/core/clock.h"
+
+namespace trex {
+
+PageTraffic::PageTraffic(hccm::PageCache& cache, LoadChoice& choice, PageQueues& queues,
+                         std::uint64_t paths, unsigned loaders)
+    : cache_(cache),
+      choice_(choice),
+      queues_(queues),
+      announced_(queues.pages()),
+      paths_(paths),
+      left_(paths) {
+  choice_.begin(cache, queues);
+  for (unsigned i = 0; i < loaders; ++i) loaders_.emplace_back([this] { load(); });
+}
+
+PageTraffic::~PageTraffic() {
+  {
+    const std::lock_guard lock(mutex_);
+    stop_ = true;
+  }
+  room_.notify_all();
+  for (std::thread& t : loaders_) t.join();
+}
+
+void PageTraffic::fail(std::exception_ptr error) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!failed_) failed_ = std::move(error);
+    stop_ = true;
+  }
+  work_.notify_all();
+  room_.notify_all();
+}
+
+void PageTraffic::rethrow() const {
+  if (failed_) std::rethrow_exception(failed_);
+}
+
+// ---- threads that trace ----
+
+/// Work that is there. The lock is held.
+bool PageTraffic::takeReady(PageWork& work) {
+  while (!ready_.empty()) {
+    work = std::move(ready_.front());
+    ready_.pop_front();
+    if (work.rays.empty()) {
+      announced_[work.page] = 0;
+      if (!cache_.isHere(work.page)) {  // driven out: it will be loaded again
+        room_.notify_all();
+        continue;
+      }
+      queues_.take(work.page, work.rays);
+      if (work.rays.empty()) continue;
+      while (work.rays.size() > kAtOnce) {
+        PageWork rest{.page = work.page};
+        rest.rays.assign(work.rays.end() - kAtOnce, work.rays.end());
+        work.rays.resize(work.rays.size() - kAtOnce);
+        choice_.use(work.page);
+        ready_.push_front(std::move(rest));
+      }
+      choice_.use(work.page);
+    }
+    return true;
+  }
+  if (next_ == paths_) return false;
+  work.page = PageWork::kBegin;
+  work.first = next_;
+  work.end = next_ = std::min(paths_, next_ + kBegins);
+  return true;
+}
+
+bool PageTraffic::next(PageWork& work) {
+  work.rays.clear();
+  std::unique_lock lock(mutex_);
+  while (left_ > 0 && !failed_) {
+    if (takeReady(work)) return true;
+    const double start = secondsNow();
+    work_.wait(lock);
+    report_.waiting += secondsNow() - start;
+  }
+  return false;
+}
+
+void PageTraffic::done(const PageWork& work, std::uint64_t ended) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (work.page != PageWork::kBegin) choice_.unuse(work.page);
+    left_ -= ended;
+    if (left_ > 0 && !ready_.empty()) work_.notify_one();
+    if (left_ == 0) work_.notify_all();
+  }
+  room_.notify_all();
+}
+
+void PageTraffic::wait(std::uint32_t ray, std::uint32_t page) {
+  queues_.push(page, ray);
+  if (cache_.isHere(page)) announce(page);  // it came meanwhile
+}
+
+/// Rays may wait for a page that is there.
+void PageTraffic::announce(std::uint32_t page) {
+  if (queues_.waiting(page) == 0 || announced_[page].exchange(1) != 0) return;
+  const std::lock_guard lock(mutex_);
+  ready_.push_back({.page = page});
+  work_.notify_one();
+}
+
+// ---- threads that load ----
+
+/// Gives up pages until there is room. The lock is held. False if none may go now.
+bool PageTraffic::makeRoom(std::uint64_t bytes) {
+  while (cache_.statistics().bytes + loadingBytes_ + bytes > cache_.limit()) {
+    const std::optional<std::uint32_t> page = choice_.victim();
+    if (!page || !cache_.evict(*page)) return false;  // the latter: a stage reads it right now
+  }
+  return true;
+}
+
+void PageTraffic::load() {
+  std::unique_lock lock(mutex_);
+  while (!stop_) {
+    const std::optional<std::uint32_t> page = choice_.next();
+    const std::uint64_t bytes = page ? choice_.bytesOf(*page) : 0;
+    if (!page || !makeRoom(bytes)) {
+      if (page) choice_.putBack(*page);
+      room_.wait(lock);
+      continue;
+    }
+    loadingBytes_ += bytes;
+    lock.unlock();
+    const double start = secondsNow();
+    std::exception_ptr failed;
+    try {
+      cache_.pin(*page);
+    } catch (...) {
+      failed = std::current_exception();
+    }
+    const double seconds = secondsNow() - start;
+    if (!failed) announce(*page);
+    lock.lock();
+    loadingBytes_ -= bytes;
+    choice_.loaded(*page);
+    report_.loading += seconds;
+    ++report_.loads;
+    if (!failed) continue;
+    lock.unlock();
+    fail(std::move(failed));
+    lock.lock();
+  }
+}
+
+}  // namespace trex
