@@ -194,7 +194,7 @@ PageCache::Pin PageCache::load(std::uint32_t page) {
     present_.push_back(page);
     ++statistics_.loads;
     statistics_.bytesRead += entry.packedBytes;
-    slot.state.store(1, std::memory_order_release);
+    slot.state.store(1);
     changed_.notify_all();
     break;
   }

@@ -75,7 +75,7 @@ class PageCache {
   Pin pinIfHere(std::uint32_t page);
   /// Whether a page is there. By the time of the answer another thread may have changed that.
   bool isHere(std::uint32_t page) const {
-    return slots_[page].state.load(std::memory_order_relaxed) >= 0;
+    return slots_[page].state.load() >= 0;
   }
   /// Gives up a page, for callers who know better than the clock's hand. False if it is pinned or
   /// not there.

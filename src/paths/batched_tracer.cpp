@@ -223,6 +223,8 @@ std::uint64_t BatchedTracer::bytesAPath() {
 
 namespace {
 
+constexpr unsigned kLoaders = 1;  // threads; those that trace load too when they have no other work
+
 struct FreePaths {
   std::size_t count;
   void operator()(WaitingPath* paths) const {
@@ -241,7 +243,7 @@ void BatchedTracer::trace(std::span<const PathJob> jobs, std::uint32_t width,
   const std::unique_ptr<WaitingPath, FreePaths> paths(
       std::allocator<WaitingPath>().allocate(jobs.size()), FreePaths{jobs.size()});
   const double start = secondsNow();
-  PageTraffic traffic(mesh.cache(), choice_, queues, jobs.size(), static_cast<unsigned>(threads));
+  PageTraffic traffic(mesh.cache(), choice_, queues, jobs.size(), kLoaders);
   Batch batch{jobs, width, samples, counts, paths.get(), &queues, &traffic};
   std::mutex merging;
   tbb::parallel_for(

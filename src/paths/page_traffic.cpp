@@ -28,11 +28,13 @@ PageTraffic::~PageTraffic() {
 }
 
 void PageTraffic::fail(std::exception_ptr error) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (!failed_) failed_ = std::move(error);
-    stop_ = true;
-  }
+  const std::lock_guard lock(mutex_);
+  failLocked(std::move(error));
+}
+
+void PageTraffic::failLocked(std::exception_ptr error) {
+  if (!failed_) failed_ = std::move(error);
+  stop_ = true;
   work_.notify_all();
   room_.notify_all();
 }
@@ -79,22 +81,23 @@ bool PageTraffic::next(PageWork& work) {
   std::unique_lock lock(mutex_);
   while (left_ > 0 && !failed_) {
     if (takeReady(work)) return true;
+    if (loadOne(lock) || announceHere()) continue;
     const double start = secondsNow();
+    ++idle_;
     work_.wait(lock);
+    --idle_;
     report_.waiting += secondsNow() - start;
   }
   return false;
 }
 
 void PageTraffic::done(const PageWork& work, std::uint64_t ended) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (work.page != PageWork::kBegin) choice_.unuse(work.page);
-    left_ -= ended;
-    if (left_ > 0 && !ready_.empty()) work_.notify_one();
-    if (left_ == 0) work_.notify_all();
-  }
-  room_.notify_all();
+  const std::lock_guard lock(mutex_);
+  if (work.page != PageWork::kBegin) choice_.unuse(work.page);
+  left_ -= ended;
+  // There may be more pages to load, and more room.
+  if (left_ == 0 || idle_ > 0) work_.notify_all();
+  if (ready_.size() < kReady) room_.notify_all();
 }
 
 void PageTraffic::wait(std::uint32_t ray, std::uint32_t page) {
@@ -104,10 +107,22 @@ void PageTraffic::wait(std::uint32_t ray, std::uint32_t page) {
 
 /// Rays may wait for a page that is there.
 void PageTraffic::announce(std::uint32_t page) {
-  if (queues_.waiting(page) == 0 || announced_[page].exchange(1) != 0) return;
   const std::lock_guard lock(mutex_);
+  announceLocked(page);
+}
+
+void PageTraffic::announceLocked(std::uint32_t page) {
+  if (queues_.waiting(page) == 0 || announced_[page].exchange(1) != 0) return;
   ready_.push_back({.page = page});
-  work_.notify_one();
+  if (idle_ > 0) work_.notify_one();
+}
+
+/// Finds rays that wait for pages that a stage has loaded by itself. The lock is held.
+bool PageTraffic::announceHere() {
+  for (std::uint32_t p = 0; p < queues_.pages(); ++p) {
+    if (queues_.waiting(p) > 0 && cache_.isHere(p)) announceLocked(p);
+  }
+  return !ready_.empty();
 }
 
 // ---- threads that load ----
@@ -121,36 +136,43 @@ bool PageTraffic::makeRoom(std::uint64_t bytes) {
   return true;
 }
 
+/// Loads the page that is best, if there is one and room for it. The lock is held, but not
+/// meanwhile.
+bool PageTraffic::loadOne(std::unique_lock<std::mutex>& lock) {
+  const std::optional<std::uint32_t> page = choice_.next();
+  if (!page) return false;
+  const std::uint64_t bytes = choice_.bytesOf(*page);
+  if (!makeRoom(bytes)) {
+    choice_.putBack(*page);
+    return false;
+  }
+  loadingBytes_ += bytes;
+  lock.unlock();
+  const double start = secondsNow();
+  std::exception_ptr failed;
+  try {
+    cache_.pin(*page);
+  } catch (...) {
+    failed = std::current_exception();
+  }
+  const double seconds = secondsNow() - start;
+  lock.lock();
+  loadingBytes_ -= bytes;
+  choice_.loaded(*page);
+  report_.loading += seconds;
+  ++report_.loads;
+  if (failed) {
+    failLocked(std::move(failed));
+  } else {
+    announceLocked(*page);
+  }
+  return true;
+}
+
 void PageTraffic::load() {
   std::unique_lock lock(mutex_);
   while (!stop_) {
-    const std::optional<std::uint32_t> page = choice_.next();
-    const std::uint64_t bytes = page ? choice_.bytesOf(*page) : 0;
-    if (!page || !makeRoom(bytes)) {
-      if (page) choice_.putBack(*page);
-      room_.wait(lock);
-      continue;
-    }
-    loadingBytes_ += bytes;
-    lock.unlock();
-    const double start = secondsNow();
-    std::exception_ptr failed;
-    try {
-      cache_.pin(*page);
-    } catch (...) {
-      failed = std::current_exception();
-    }
-    const double seconds = secondsNow() - start;
-    if (!failed) announce(*page);
-    lock.lock();
-    loadingBytes_ -= bytes;
-    choice_.loaded(*page);
-    report_.loading += seconds;
-    ++report_.loads;
-    if (!failed) continue;
-    lock.unlock();
-    fail(std::move(failed));
-    lock.lock();
+    if (ready_.size() >= kReady || !loadOne(lock)) room_.wait(lock);
   }
 }
 

@@ -71,9 +71,15 @@ class PageTraffic {
   static constexpr std::size_t kAtOnce = 512;    ///< rays of a piece of work
   static constexpr std::uint64_t kBegins = 256;  ///< paths that begin at once
 
+  static constexpr std::size_t kReady = 8;  ///< pieces of work that need no more beside them
+
   void load();
+  bool loadOne(std::unique_lock<std::mutex>& lock);
   bool makeRoom(std::uint64_t bytes);
   void announce(std::uint32_t page);
+  bool announceHere();
+  void announceLocked(std::uint32_t page);
+  void failLocked(std::exception_ptr error);
   bool takeReady(PageWork& work);
 
   hccm::PageCache& cache_;
@@ -85,6 +91,7 @@ class PageTraffic {
   std::deque<PageWork> ready_;  ///< of pages alone: their queues are to be taken
   std::uint64_t next_ = 0, paths_, left_;
   std::uint64_t loadingBytes_ = 0;
+  int idle_ = 0;  ///< threads that trace and have nothing to do
   bool stop_ = false;
   std::exception_ptr failed_;
   PageTrafficReport report_;
