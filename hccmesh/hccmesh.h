@@ -194,7 +194,7 @@ class Mesh {
   /// They must start at a multiple of 8 and not change. Throws FormatError.
   static Mesh fromView(std::span<const std::byte> bytes, std::shared_ptr<const void> owner);
   /// A mesh of the blobs of a page as unpackClusters() gives them, on the grid of `grid`. Bounds
-  /// and triangle count are not known to it.
+  /// and triangle count are not known to it, and it has no hierarchy over its clusters.
   static Mesh fromPage(const ClusterPage& page, const Mesh& grid);
 
   std::span<const std::byte> bytes() const { return bytes_; }
@@ -259,6 +259,7 @@ class Mesh {
 
   explicit Mesh(Bytes bytes);
   Mesh(std::span<const std::byte> bytes, std::shared_ptr<const void> owner);
+  Mesh(std::span<const std::byte> bytes, std::shared_ptr<const void> owner, const Mesh& grid);
   const std::byte* blob(std::uint32_t cluster) const {
     return bytes_.data() + (std::size_t(table_[cluster]) << kBlobShift);
   }

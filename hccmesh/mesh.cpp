@@ -76,15 +76,24 @@ Mesh::Mesh(Bytes bytes) {
 }
 
 Mesh::Mesh(std::span<const std::byte> bytes, std::shared_ptr<const void> owner)
-    : bytes_(bytes), owner_(std::move(owner)) {
-  table_ = reinterpret_cast<const std::uint32_t*>(bytes_.data() + sizeof(layout::Header));
-  step_ = stepOf(bytes_);
-  cells_ = 1.0f / step_;
-  kernels_ = chooseKernels();
+    : bytes_(bytes),
+      owner_(std::move(owner)),
+      table_(reinterpret_cast<const std::uint32_t*>(bytes_.data() + sizeof(layout::Header))),
+      step_(stepOf(bytes_)),
+      cells_(1.0f / step_),
+      kernels_(chooseKernels()) {
   std::vector<GridBox> boxes(clusterCount());
   for (std::uint32_t i = 0; i < clusterCount(); ++i) boxes[i] = boxOf(clusterOf(blob(i)));
   top_ = TopLevel(boxes);
 }
+
+Mesh::Mesh(std::span<const std::byte> bytes, std::shared_ptr<const void> owner, const Mesh& grid)
+    : bytes_(bytes),
+      owner_(std::move(owner)),
+      table_(reinterpret_cast<const std::uint32_t*>(bytes_.data() + sizeof(layout::Header))),
+      step_(grid.step_),
+      cells_(grid.cells_),
+      kernels_(grid.kernels_) {}
 
 Mesh Mesh::fromBytes(const std::vector<std::byte>& bytes) {
   validate(bytes);

@@ -30,8 +30,9 @@ struct ClusterPage {
 std::vector<std::byte> packClusters(std::span<const std::span<const std::byte>> blobs);
 
 /// The blobs again, bit for bit. Takes anything: every blob is validated, so that tracing it reads
-/// nothing outside of the page. Throws FormatError. Thread safe.
-ClusterPage unpackClusters(std::span<const std::byte> packed);
+/// nothing outside of the page. `known`: the same bytes have passed before, so that need not be
+/// looked at again. Throws FormatError. Thread safe.
+ClusterPage unpackClusters(std::span<const std::byte> packed, bool known = false);
 
 /// What unpackClusters() will need in `bytes`, from the first bytes of the packed page. Throws
 /// FormatError.

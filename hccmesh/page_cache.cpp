@@ -152,12 +152,14 @@ void PageCache::reserve(std::uint64_t bytes, std::unique_lock<std::mutex>& lock)
   statistics_.peakBytes = std::max(statistics_.peakBytes, statistics_.bytes);
 }
 
-std::unique_ptr<Mesh> PageCache::read(std::uint32_t page) const {
-  auto mesh = std::make_unique<Mesh>(Mesh::fromPage(loadPage(file_, table_, page), grid_));
-  for (std::uint32_t c = 0; c < mesh->clusterCount(); ++c)
+std::unique_ptr<Mesh> PageCache::read(std::uint32_t page) {
+  bool& known = slots_[page].known;
+  auto mesh = std::make_unique<Mesh>(Mesh::fromPage(loadPage(file_, table_, page, known), grid_));
+  for (std::uint32_t c = 0; c < mesh->clusterCount() && !known; ++c)
     if (mesh->clusterMaterial(c) >= materials_)
       throw FormatError(file_.place(table_.pages[page].offset) + ": page " + std::to_string(page) +
                         " has a material that does not exist");
+  known = true;
   return mesh;
 }
 

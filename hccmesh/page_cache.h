@@ -90,6 +90,7 @@ class PageCache {
   struct Slot {
     std::atomic<std::int32_t> state{kAbsent};
     std::atomic<std::uint8_t> used{0};  ///< since the hand passed
+    bool known = false;  ///< it was whole when it came
     std::uint32_t place = 0;            ///< in present_, while it is there
     std::unique_ptr<Mesh> mesh;
   };
@@ -99,7 +100,7 @@ class PageCache {
   bool giveUp(std::size_t place);
   void unpin(std::uint32_t page);
   Pin load(std::uint32_t page);
-  std::unique_ptr<Mesh> read(std::uint32_t page) const;
+  std::unique_ptr<Mesh> read(std::uint32_t page);
   bool evictOne();
   void reserve(std::uint64_t bytes, std::unique_lock<std::mutex>& lock);
 

@@ -186,7 +186,7 @@ PageTable PageTable::fromBytes(std::span<const std::byte> bytes, std::uint64_t s
   return t;
 }
 
-ClusterPage loadPage(const PageFile& file, const PageTable& table, std::uint32_t page) {
+ClusterPage loadPage(const PageFile& file, const PageTable& table, std::uint32_t page, bool known) {
   const PageEntry& entry = table.pages[page];
   thread_local std::vector<std::byte> packed;  // one a thread, not counted by caches
   packed.resize(entry.packedBytes);
@@ -198,7 +198,7 @@ ClusterPage loadPage(const PageFile& file, const PageTable& table, std::uint32_t
   ClusterPage out;
   try {
     if (unpackedBytes(packed) != entry.bytes) bad("has another size than the table says");
-    out = unpackClusters(packed);
+    out = unpackClusters(packed, known);
   } catch (const FormatError& e) {
     bad(std::string("is damaged: ") + e.what());
   }
@@ -221,7 +221,7 @@ Mesh Mesh::fromPage(const ClusterPage& page, const Mesh& grid) {
   }
   if (!page.bytes.empty()) std::memcpy(bytes->data() + start, page.bytes.data(), page.bytes.size());
   const std::span<const std::byte> view(*bytes);
-  return Mesh(view, std::move(bytes));
+  return Mesh(view, std::move(bytes), grid);
 }
 
 }  // namespace hccm

