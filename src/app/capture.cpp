@@ -12,6 +12,7 @@
 #include "src/command/interrupt.h"
 #include "src/core/clock.h"
 #include "src/core/error.h"
+#include "src/core/file.h"
 #include "src/core/hash.h"
 #include "src/core/log.h"
 #include "src/core/version.h"
@@ -109,6 +110,27 @@ void Capture::runView(std::uint32_t frame) {
   }
   if (!a_.checkpoint.empty()) saveCheckpoint(session, frame);
   save(session, view, true);
+  if (!a_.trace.empty()) saveTrace(session, view);
+}
+
+/// Of several pictures the last one's is what stays.
+void Capture::saveTrace(const Session& session, const View& view) const {
+  if (session.traffic() == nullptr) {
+    logWarning("--trace {}: not written, no path waited for pages: they fit in memory", a_.trace);
+    return;
+  }
+  const fs::path path(a_.trace);
+  const std::string extension = path.extension().string();
+  if (extension != ".svg" && extension != ".html") {
+    writeTextAtomically(a_.trace, session.traffic()->chromeTrace());
+    return;
+  }
+  const std::string svg = session.traffic()->svg(
+      fmt::format("{}: {} loads of pages", view.output, session.report().traffic.loads));
+  writeTextAtomically(a_.trace, extension == ".svg" ? svg
+                                                    : "<!doctype html>\n<meta charset=\"utf-8\">\n"
+                                                      "<title>trex render</title>\n" +
+                                                          svg);
 }
 
 /// Runs a session to its goal, or until a signal asks to stop.

@@ -29,6 +29,7 @@ class Capture {
   void runView(std::uint32_t frame);
   void advance(Session& session, std::uint32_t frame);
   void save(Session& session, const View& view, bool report);
+  void saveTrace(const Session& session, const View& view) const;
   void saveCheckpoint(Session& session, std::uint32_t frame);
 
   const RenderArguments& a_;

@@ -107,6 +107,7 @@ int render(RenderArguments& a) {
   const PictureLayers layers = layersOf(a);
   exposureOf(a, Picture{});
   checkWritable(a.output);
+  if (!a.trace.empty()) checkWritable(a.trace);
   std::optional<tbb::global_control> limit;
   setThreads(a.threads, limit);
   const double start = secondsNow();
@@ -226,6 +227,9 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
        "Memory for paths that wait for pages where these don't fit, such as 512M, auto or off "
        "(threads wait)")
       ->capture_default_str();
+  c->add_option("--trace", a->trace,
+                "File for the timelines of loading and tracing where paths wait for pages: .svg or "
+                ".html a picture, else JSON for Chrome's and Perfetto's viewers");
   c->add_option("--max-gpu-memory", a->maxGpuMemory,
                 "Device memory that may be used, such as 2G [all]");
   c->add_option("--checkpoint", a->checkpoint,

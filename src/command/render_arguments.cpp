@@ -46,6 +46,7 @@ void readSettings(RenderArguments& a) {
   if (!a.output.empty() && !knownPictureExtension(a.output)) {
     fail(ExitCode::kUsage, "-o {}: unknown picture format; use .exr, .png or .jpg", a.output);
   }
+  s.recordTraffic = !a.trace.empty();
   if (s.transparent && isJpeg(a.output)) {
     fail(ExitCode::kUsage, "-o {}: a .jpg has no alpha for --transparent; use .exr or .png",
          a.output);

@@ -25,6 +25,7 @@ struct RenderArguments {
   std::string maxMemory, maxGpuMemory, cache;
   std::string rayMemory = "auto";
   std::vector<std::string> layers;
+  std::string trace;  ///< file of what was planned and done while paths waited for pages
   std::string checkpoint;
   double checkpointSeconds = 60.0;
   bool resume = false;

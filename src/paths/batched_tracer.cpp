@@ -32,7 +32,8 @@ struct BatchedTracer::Worker {
   std::vector<ConeRequest> cones{};
   Wave wave{cones};
   std::vector<std::uint32_t> ready{};  ///< paths that go on
-  std::uint64_t ended = 0;
+  unsigned thread = 0;
+  PageWorkDone done{};
 
   void run();
   void answer(std::uint32_t ray);
@@ -50,8 +51,10 @@ struct BatchedTracer::Worker {
 /// Rays are numbered by path: towards the next surface 2 * path, towards the light one more.
 void BatchedTracer::Worker::run() {
   PageWork work;
-  while (batch.traffic->next(work)) {
-    ended = 0;
+  while (batch.traffic->next(work, thread)) {
+    done.start = secondsNow();
+    done.ended = 0;
+    done.waits.clear();
     for (std::uint64_t job = work.first; job < work.end && work.page == PageWork::kBegin; ++job) {
       begin(static_cast<std::uint32_t>(job));
       if (wave.paths.size() == Wave::kPaths || job + 1 == work.end) goOn();
@@ -67,7 +70,8 @@ void BatchedTracer::Worker::run() {
       goOn();
     }
     ready.clear();
-    batch.traffic->done(work, ended);
+    done.end = secondsNow();
+    batch.traffic->done(work, done, thread);
   }
 }
 
@@ -88,8 +92,9 @@ void BatchedTracer::Worker::answer(std::uint32_t ray) {
 void BatchedTracer::Worker::park(std::uint32_t job, bool shadow) {
   const WaitingPath& path = batch.paths[job];
   const WaitingRay& ray = shadow ? path.shadow : path.ray;
-  batch.traffic->wait(2 * job + (shadow ? 1 : 0),
-                      ray.answered ? rays.pageOf(ray.best) : ray.page());
+  const std::uint32_t page = ray.answered ? rays.pageOf(ray.best) : ray.page();
+  done.waits.push_back(page);
+  batch.traffic->wait(2 * job + (shadow ? 1 : 0), page);
 }
 
 WavePath& BatchedTracer::Worker::enter(std::uint32_t job, const PathState& state,
@@ -119,7 +124,7 @@ void BatchedTracer::Worker::goOn() {
     std::erase_if(wave.underWay, [&](WavePath* path) {
       path->fate = tracer.arrive(*path);
       path->asks = false;
-      if (path->fate == Fate::kEnds) ++ended;
+      if (path->fate == Fate::kEnds) ++done.ended;
       return path->fate == Fate::kEnds;
     });
     for (WavePath* path : wave.underWay) {
@@ -165,7 +170,7 @@ bool BatchedTracer::Worker::scatter(WavePath& path) {
   if (path.fate == Fate::kLit) detach(path);
   w.ended = path.fate != Fate::kPasses && !tracer.scatter(path);
   if (!w.ended || w.asks) return true;
-  ++ended;
+  ++done.ended;
   return false;
 }
 
@@ -210,20 +215,19 @@ bool BatchedTracer::Worker::settle(WavePath& path) {
   }
   path.hit = w.ray.best;
   const bool goesOn = !w.ended && tracer.takeHit(path, wave, w.next, met);
-  if (!goesOn) ++ended;
+  if (!goesOn) ++done.ended;
   return goesOn;
 }
 
-BatchedTracer::BatchedTracer(const PathTracer& tracer, const RayScene& rays, LoadChoice& choice)
-    : tracer_(tracer), rays_(rays), choice_(choice) {}
+BatchedTracer::BatchedTracer(const PathTracer& tracer, const RayScene& rays, LoadChoice& choice,
+                             TrafficRecord* record)
+    : tracer_(tracer), rays_(rays), choice_(choice), record_(record) {}
 
 std::uint64_t BatchedTracer::bytesAPath() {
   return sizeof(WaitingPath) + 2 * PageQueues::bytesARay();
 }
 
 namespace {
-
-constexpr unsigned kLoaders = 1;  // threads; those that trace load too when they have no other work
 
 struct FreePaths {
   std::size_t count;
@@ -243,13 +247,15 @@ void BatchedTracer::trace(std::span<const PathJob> jobs, std::uint32_t width,
   const std::unique_ptr<WaitingPath, FreePaths> paths(
       std::allocator<WaitingPath>().allocate(jobs.size()), FreePaths{jobs.size()});
   const double start = secondsNow();
-  PageTraffic traffic(mesh.cache(), choice_, queues, jobs.size(), kLoaders);
+  PageTraffic traffic(mesh.cache(), choice_, queues, jobs.size(), static_cast<unsigned>(threads),
+                      kLoaders, record_);
   Batch batch{jobs, width, samples, counts, paths.get(), &queues, &traffic};
   std::mutex merging;
   tbb::parallel_for(
       0, threads, 1,
-      [&](int) {
+      [&](int thread) {
         Worker worker{tracer_, rays_, batch};
+        worker.thread = static_cast<unsigned>(thread);
         try {
           worker.run();
         } catch (...) {

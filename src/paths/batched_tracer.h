@@ -24,7 +24,11 @@ namespace trex {
 class BatchedTracer {
  public:
   /// All of these must outlive it. The scene has a mesh in pages.
-  BatchedTracer(const PathTracer& tracer, const RayScene& rays, LoadChoice& choice);
+  /// `record` may be null.
+  BatchedTracer(const PathTracer& tracer, const RayScene& rays, LoadChoice& choice,
+                TrafficRecord* record = nullptr);
+  /// Threads that load beside those that trace, which load when they have no other work.
+  static constexpr unsigned kLoaders = 1;
 
   /// Memory of a path under way, bytes, without its sample.
   static std::uint64_t bytesAPath();
@@ -42,6 +46,7 @@ class BatchedTracer {
   const PathTracer& tracer_;
   const RayScene& rays_;
   LoadChoice& choice_;
+  TrafficRecord* record_;
   PageTrafficReport report_;
 };
 

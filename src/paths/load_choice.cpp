@@ -2,35 +2,177 @@
 
 #include <algorithm>
 
+#include "src/core/clock.h"
+
 namespace trex {
+namespace {
 
-LoadChoice::LoadChoice(const hccm::PageTable& table) : table_(table), pages_(table.pages.size()) {}
+constexpr int kSteps = 2;             // of the forecast, as of the simulated scheduler
+constexpr double kFirstBytes = 50e6;  // a second, until some were measured
+constexpr double kFirstRays = 5e5;    // likewise
+constexpr std::uint64_t kPlansAFit = 16;
+constexpr double kPatience = 0.5;  // see worth(); of 0, 0.1 and 0.5 that with fewest loads
 
-void LoadChoice::begin(const hccm::PageCache& cache, const PageQueues& queues) {
+/// The newest samples, in any order.
+void keep(std::vector<schedule::TimingSample>& samples, std::size_t& next, std::size_t most,
+          double amount, double seconds) {
+  if (!(seconds > 0.0) || !(amount > 0.0)) return;
+  if (samples.size() < most) {
+    samples.push_back({{amount}, seconds});
+  } else {
+    samples[next++ % most] = {{amount}, seconds};
+  }
+}
+
+}  // namespace
+
+LoadChoice::LoadChoice(const hccm::PageTable& table, bool predict)
+    : table_(table),
+      predict_(predict),
+      blockPages_(std::max<std::uint32_t>(
+          1, (static_cast<std::uint32_t>(table.pages.size()) + kBlocks - 1) / kBlocks)),
+      blocks_((static_cast<std::uint32_t>(table.pages.size()) + blockPages_ - 1) / blockPages_),
+      pages_(table.pages.size()),
+      cameToBlock_(blocks_),
+      forecast_(blocks_ + 1) {
+  graph_.memories = {{"disk"}, {"memory"}};
+  graph_.channels = {{"pages", kFirstBytes, 0.0, {{0, 1}}}};
+  graph_.devices = {{"tracing", 1, 1}};
+  timing_.set(0, 0, {0.0, {1.0 / kFirstRays}});
+}
+
+void LoadChoice::begin(const hccm::PageCache& cache, const PageQueues& queues,
+                       TrafficRecord* record) {
   cache_ = &cache;
   queues_ = &queues;
+  record_ = record;
   chosen_.clear();
+  going_.clear();
   for (Page& p : pages_) p.uses = 0, p.coming = false;
   look();
 }
 
-/// The pages that most rays wait for.
-void LoadChoice::choose() {
-  struct Wanted {
-    std::uint32_t rays, page;
-  };
-  std::vector<Wanted> wanted;
+/// Finds the pages that are there, those too that a stage loaded by itself.
+void LoadChoice::look() {
+  here_.clear();
   for (std::uint32_t p = 0; p < pages_.size(); ++p) {
-    const std::uint32_t rays = queues_->waiting(p);
-    if (rays > 0 && !pages_[p].coming && !cache_->isHere(p)) wanted.push_back({rays, p});
+    pages_[p].here = cache_->isHere(p);
+    if (pages_[p].here) here_.push_back(p);
   }
-  const auto fuller = [](const Wanted& a, const Wanted& b) {
-    return a.rays != b.rays ? a.rays > b.rays : a.page < b.page;
-  };
-  const std::size_t count = std::min(kAhead, wanted.size());
+  loads_ = cache_->statistics().loads;
+}
+
+/// Rays that will come to each page, if those that wait go on as those before them did.
+void LoadChoice::expect() {
+  for (Page& p : pages_) p.expected = 0.0;
+  if (!predict_) return;
+  std::vector<double> queued(blocks_ + 1);
+  for (std::uint32_t p = 0; p < pages_.size(); ++p) queued[blockOf(p)] += queues_->waiting(p);
+  const std::vector<double> coming = forecast_.coming(queued, kSteps);
+  for (std::uint32_t p = 0; p < pages_.size(); ++p) {
+    const std::uint32_t b = blockOf(p);
+    if (cameToBlock_[b] > 0.0) pages_[p].expected = coming[b] * pages_[p].came / cameToBlock_[b];
+  }
+}
+
+/// Of loading a page now. Rays that are still to come are a reason to wait for them.
+double LoadChoice::worth(std::uint32_t page) const {
+  const double rays = queues_->waiting(page);
+  return std::max(rays - kPatience * pages_[page].expected, 1e-3 * rays);
+}
+
+/// The absent pages that are worth most.
+std::vector<std::uint32_t> LoadChoice::candidates() const {
+  std::vector<Ranked> wanted;
+  for (std::uint32_t p = 0; p < pages_.size(); ++p) {
+    if (queues_->waiting(p) == 0 || pages_[p].coming || cache_->isHere(p)) continue;
+    wanted.push_back({worth(p), p});
+  }
+  const std::size_t count = std::min(kCandidates, wanted.size());
   std::partial_sort(wanted.begin(), wanted.begin() + static_cast<std::ptrdiff_t>(count),
-                    wanted.end(), fuller);
-  for (std::size_t i = count; i > 0; --i) chosen_.push_back(wanted[i - 1].page);
+                    wanted.end(), [](const Ranked& a, const Ranked& b) {
+                      return a.value != b.value ? a.value > b.value : a.page < b.page;
+                    });
+  std::vector<std::uint32_t> out;
+  for (std::size_t i = 0; i < count; ++i) out.push_back(wanted[i].page);
+  return out;
+}
+
+/// Pages that are there and that no ray waits for, those that are needed least.
+std::vector<std::uint32_t> LoadChoice::leastNeeded() const {
+  std::vector<Ranked> free;
+  for (const std::uint32_t page : here_) {
+    const Page& p = pages_[page];
+    if (p.uses > 0 || queues_->waiting(page) > 0 || !cache_->isHere(page)) continue;
+    // Of equals that which was used longest ago.
+    free.push_back(
+        {p.expected + static_cast<double>(p.last) / static_cast<double>(clock_ + 1), page});
+  }
+  const std::size_t count = std::min(kVictims, free.size());
+  std::partial_sort(free.begin(), free.begin() + static_cast<std::ptrdiff_t>(count), free.end(),
+                    [](const Ranked& a, const Ranked& b) { return a.value < b.value; });
+  std::vector<std::uint32_t> out;
+  for (std::size_t i = 0; i < count; ++i) out.push_back(free[i].page);
+  return out;
+}
+
+/// Times as they were lately.
+void LoadChoice::fit() {
+  if (plans_++ % kPlansAFit != 0) return;
+  if (traced_.size() >= 8) timing_.set(0, 0, schedule::fitLinear(traced_));
+  if (brought_.size() < 8) return;
+  const schedule::LinearTime t = schedule::fitLinear(brought_);
+  graph_.channels[0].latency = t.setup;
+  graph_.channels[0].bandwidth = 1.0 / std::max(t.rates[0], 1e-12);
+}
+
+/// Plans loads, as many as kAhead or so.
+void LoadChoice::choose() {
+  if (cache_->statistics().loads != loads_) look();
+  expect();
+  fit();
+  const std::vector<std::uint32_t> wanted = candidates(), free = leastNeeded();
+  if (wanted.empty()) return;
+  schedule::State s;
+  s.now = secondsNow();
+  double bytes = 0.0, room = static_cast<double>(cache_->limit() - cache_->statistics().bytes);
+  for (const std::uint32_t page : wanted) {
+    const double rays = queues_->waiting(page);
+    s.jobs.push_back(
+        {0, {static_cast<std::uint32_t>(s.items.size())}, {rays}, worth(page), 0.0, 0.0});
+    s.items.push_back({static_cast<double>(bytesOf(page)), 1, false, 0.0, 0.0});
+    bytes += s.items.back().bytes;
+  }
+  for (const std::uint32_t page : free) {
+    const double need = pages_[page].expected +
+                        static_cast<double>(pages_[page].last) / static_cast<double>(clock_ + 1);
+    s.items.push_back({static_cast<double>(bytesOf(page)), 3, false, need, 0.0});
+    room += s.items.back().bytes;
+  }
+  graph_.memories[1].capacity = std::max(room, 1.0);
+  const schedule::Routes routes(graph_, bytes / static_cast<double>(wanted.size()));
+  s.graph = &graph_;
+  s.routes = &routes;
+  s.timing = &timing_;
+  s.horizon = kAhead * graph_.channels[0].seconds(bytes / static_cast<double>(wanted.size()));
+  schedule::Schedule made = schedule::plan(s, {});
+  std::sort(made.fetches.begin(), made.fetches.end(),
+            [](const auto& a, const auto& b) { return a.start < b.start; });
+  const auto pageOf = [&](std::uint32_t item) {
+    return item < wanted.size() ? wanted[item] : free[item - wanted.size()];
+  };
+  chosen_.clear();
+  going_.clear();
+  for (const schedule::Fetch& f : made.fetches) {
+    chosen_.push_back(pageOf(f.item));
+    for (const std::uint32_t item : f.evicted) going_.push_back(pageOf(item));
+  }
+  // What the plan has no room for may have it by now.
+  if (chosen_.empty()) chosen_.push_back(wanted.front());
+  std::reverse(chosen_.begin(), chosen_.end());
+  std::reverse(going_.begin(), going_.end());
+  if (record_ != nullptr)
+    record_->planned(made, pageOf, [&](std::uint32_t j) { return wanted[j]; });
 }
 
 std::optional<std::uint32_t> LoadChoice::next() {
@@ -52,35 +194,48 @@ void LoadChoice::putBack(std::uint32_t page) {
   chosen_.push_back(page);
 }
 
-void LoadChoice::loaded(std::uint32_t page) {
+void LoadChoice::loaded(std::uint32_t page, double seconds) {
   Page& p = pages_[page];
   p.coming = false;
   p.last = ++clock_;
   if (!p.here) here_.push_back(page);
   p.here = true;
   ++loads_;
+  keep(brought_, broughtNext_, kSamples, static_cast<double>(bytesOf(page)), seconds);
 }
 
-/// Finds the pages that are there, those too that a stage loaded by itself.
-void LoadChoice::look() {
-  here_.clear();
-  for (std::uint32_t p = 0; p < pages_.size(); ++p) {
-    pages_[p].here = cache_->isHere(p);
-    if (pages_[p].here) here_.push_back(p);
-  }
-  loads_ = cache_->statistics().loads;
-}
-
-/// Of the pages that no ray waits for that which was used longest ago.
 std::optional<std::uint32_t> LoadChoice::victim() {
+  const auto mayGo = [&](std::uint32_t page) {
+    return pages_[page].uses == 0 && queues_->waiting(page) == 0 && cache_->isHere(page);
+  };
+  while (!going_.empty()) {
+    const std::uint32_t page = going_.back();
+    going_.pop_back();
+    if (mayGo(page)) return page;
+  }
   if (cache_->statistics().loads != loads_) look();
   std::optional<std::uint32_t> best;
   for (const std::uint32_t page : here_) {
-    const Page& p = pages_[page];
-    if (p.uses > 0 || queues_->waiting(page) > 0 || !cache_->isHere(page)) continue;
-    if (!best || p.last < pages_[*best].last) best = page;
+    if (mayGo(page) && (!best || pages_[page].last < pages_[*best].last)) best = page;
   }
   return best;
+}
+
+void LoadChoice::used(std::uint32_t page, std::size_t rays, double seconds,
+                      std::span<const std::uint32_t> waitsNow) {
+  std::uint32_t from = blocks_;
+  if (page != kBegin) {
+    --pages_[page].uses;
+    pages_[page].last = ++clock_;
+    from = blockOf(page);
+    keep(traced_, tracedNext_, kSamples, static_cast<double>(rays), seconds);
+  }
+  forecast_.served(from, static_cast<double>(rays));
+  for (const std::uint32_t to : waitsNow) {
+    pages_[to].came += 1.0;
+    cameToBlock_[blockOf(to)] += 1.0;
+    forecast_.moved(from, blockOf(to), 1.0);
+  }
 }
 
 }  // namespace trex

@@ -7,15 +7,18 @@
 namespace trex {
 
 PageTraffic::PageTraffic(hccm::PageCache& cache, LoadChoice& choice, PageQueues& queues,
-                         std::uint64_t paths, unsigned loaders)
+                         std::uint64_t paths, unsigned tracing, unsigned loaders,
+                         TrafficRecord* record)
     : cache_(cache),
       choice_(choice),
       queues_(queues),
+      record_(record),
       announced_(queues.pages()),
       paths_(paths),
       left_(paths) {
-  choice_.begin(cache, queues);
-  for (unsigned i = 0; i < loaders; ++i) loaders_.emplace_back([this] { load(); });
+  choice_.begin(cache, queues, record);
+  for (unsigned i = 0; i < loaders; ++i)
+    loaders_.emplace_back([this, n = tracing + i] { load(n); });
 }
 
 PageTraffic::~PageTraffic() {
@@ -76,12 +79,12 @@ bool PageTraffic::takeReady(PageWork& work) {
   return true;
 }
 
-bool PageTraffic::next(PageWork& work) {
+bool PageTraffic::next(PageWork& work, unsigned thread) {
   work.rays.clear();
   std::unique_lock lock(mutex_);
   while (left_ > 0 && !failed_) {
     if (takeReady(work)) return true;
-    if (loadOne(lock) || announceHere()) continue;
+    if (loadOne(lock, thread) || announceHere()) continue;
     const double start = secondsNow();
     ++idle_;
     work_.wait(lock);
@@ -91,10 +94,14 @@ bool PageTraffic::next(PageWork& work) {
   return false;
 }
 
-void PageTraffic::done(const PageWork& work, std::uint64_t ended) {
+void PageTraffic::done(const PageWork& work, const PageWorkDone& what, unsigned thread) {
+  const double seconds = what.end - what.start;
+  if (record_ != nullptr) record_->traced(thread, work.page, what.start, what.end);
   const std::lock_guard lock(mutex_);
-  if (work.page != PageWork::kBegin) choice_.unuse(work.page);
-  left_ -= ended;
+  const std::size_t units =
+      work.page == PageWork::kBegin ? std::size_t{work.end - work.first} : work.rays.size();
+  choice_.used(work.page, units, seconds, what.waits);
+  left_ -= what.ended;
   // There may be more pages to load, and more room.
   if (left_ == 0 || idle_ > 0) work_.notify_all();
   if (ready_.size() < kReady) room_.notify_all();
@@ -138,8 +145,8 @@ bool PageTraffic::makeRoom(std::uint64_t bytes) {
 
 /// Loads the page that is best, if there is one and room for it. The lock is held, but not
 /// meanwhile.
-bool PageTraffic::loadOne(std::unique_lock<std::mutex>& lock) {
-  if (next_ < paths_ && getenv("HOLD")) return false;
+bool PageTraffic::loadOne(std::unique_lock<std::mutex>& lock, unsigned thread) {
+  if (next_ < paths_) return false;  // more is known once all paths have begun
   const std::optional<std::uint32_t> page = choice_.next();
   if (!page) return false;
   const std::uint64_t bytes = choice_.bytesOf(*page);
@@ -156,11 +163,12 @@ bool PageTraffic::loadOne(std::unique_lock<std::mutex>& lock) {
   } catch (...) {
     failed = std::current_exception();
   }
-  const double seconds = secondsNow() - start;
+  const double end = secondsNow();
+  if (record_ != nullptr) record_->loaded(thread, *page, start, end);
   lock.lock();
   loadingBytes_ -= bytes;
-  choice_.loaded(*page);
-  report_.loading += seconds;
+  choice_.loaded(*page, end - start);
+  report_.loading += end - start;
   ++report_.loads;
   if (failed) {
     failLocked(std::move(failed));
@@ -170,10 +178,10 @@ bool PageTraffic::loadOne(std::unique_lock<std::mutex>& lock) {
   return true;
 }
 
-void PageTraffic::load() {
+void PageTraffic::load(unsigned thread) {
   std::unique_lock lock(mutex_);
   while (!stop_) {
-    if (ready_.size() >= kReady || !loadOne(lock)) room_.wait(lock);
+    if (ready_.size() >= kReady || !loadOne(lock, thread)) room_.wait(lock);
   }
 }
 

@@ -37,18 +37,26 @@ struct PageTrafficReport {
 
 /// Rays of one page, or paths to begin.
 struct PageWork {
-  static constexpr std::uint32_t kBegin = 0xffffffffu;
+  static constexpr std::uint32_t kBegin = LoadChoice::kBegin;
   std::uint32_t page = kBegin;
   std::vector<std::uint32_t> rays{};
   std::uint64_t first = 0, end = 0;  ///< kBegin: the paths
+};
+
+/// What became of it.
+struct PageWorkDone {
+  double start = 0.0, end = 0.0;       ///< secondsNow()
+  std::uint64_t ended = 0;             ///< paths
+  std::vector<std::uint32_t> waits{};  ///< pages that rays wait for now, one each
 };
 
 /// For one set of paths. Threads that trace call next() and done(); its own ones load.
 class PageTraffic {
  public:
   /// `paths` are numbers [0, paths) that are to begin, as there is room for them.
+  /// `tracing` threads call next(), `loaders` are its own. `record` may be null.
   PageTraffic(hccm::PageCache& cache, LoadChoice& choice, PageQueues& queues, std::uint64_t paths,
-              unsigned loaders);
+              unsigned tracing, unsigned loaders, TrafficRecord* record);
   /// Ends the loading threads.
   ~PageTraffic();
   PageTraffic(const PageTraffic&) = delete;
@@ -56,9 +64,9 @@ class PageTraffic {
 
   /// Work for a thread that traces; waits for a page if there is none. False when all paths have
   /// ended, or a page can't be loaded.
-  bool next(PageWork& work);
-  /// The work of next() is done; `ended` paths of it.
-  void done(const PageWork& work, std::uint64_t ended);
+  bool next(PageWork& work, unsigned thread);
+  /// The work of next() is done.
+  void done(const PageWork& work, const PageWorkDone& what, unsigned thread);
   /// A ray waits for a page. Any thread.
   void wait(std::uint32_t ray, std::uint32_t page);
   /// A thread that traces has failed: all end. Any thread.
@@ -73,8 +81,8 @@ class PageTraffic {
 
   static constexpr std::size_t kReady = 8;  ///< pieces of work that need no more beside them
 
-  void load();
-  bool loadOne(std::unique_lock<std::mutex>& lock);
+  void load(unsigned thread);
+  bool loadOne(std::unique_lock<std::mutex>& lock, unsigned thread);
   bool makeRoom(std::uint64_t bytes);
   void announce(std::uint32_t page);
   bool announceHere();
@@ -85,6 +93,7 @@ class PageTraffic {
   hccm::PageCache& cache_;
   LoadChoice& choice_;
   PageQueues& queues_;
+  TrafficRecord* record_;
   std::vector<std::atomic<std::uint8_t>> announced_;  ///< by page: it is in ready_
   std::mutex mutex_;                                  ///< of all below
   std::condition_variable work_, room_;

@@ -1,5 +1,7 @@
 #include "src/session/session.h"
 
+#include <tbb/task_arena.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -43,7 +45,12 @@ Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
   }
   makeCaustics();
   if (settings_.rayMemory > 0 && model_->rays->parts().paged && !settings_.interactive) {
-    loads_ = std::make_unique<LoadChoice>(model_->rays->parts().paged->table());
+    loads_ =
+        std::make_unique<LoadChoice>(model_->rays->parts().paged->table(), settings_.predictLoads);
+    if (settings_.recordTraffic) {
+      traffic_ = std::make_unique<TrafficRecord>(
+          static_cast<unsigned>(tbb::this_task_arena::max_concurrency()), BatchedTracer::kLoaders);
+    }
   }
   makeSources();
 }
@@ -203,7 +210,9 @@ SampleSource Session::source(const LightCache* cache, CausticMaps* caustics) {
       std::make_unique<PathTracer>(model_->scene, *model_->rays, *lights_, *camera_, guess,
                                    settings_.seed, !settings_.transparent, caustics);
   made.caustics = caustics;
-  if (loads_) made.batched = std::make_unique<BatchedTracer>(*made.tracer, *model_->rays, *loads_);
+  if (loads_)
+    made.batched =
+        std::make_unique<BatchedTracer>(*made.tracer, *model_->rays, *loads_, traffic_.get());
   return made;
 }
 

@@ -147,6 +147,9 @@ class Session {
   /// those that it will take, about.
   double denoiseWithin(double seconds);
   SessionReport report() const;
+  /// What was planned and done while paths waited for pages; null unless the settings ask for it,
+  /// and where none waited.
+  const TrafficRecord* traffic() const { return traffic_.get(); }
   /// Writes all that is needed to go on later with the same bits: see checkpoint.h. `key` names the
   /// job. Throws Error(kOutput).
   void saveCheckpoint(const std::filesystem::path& path, std::uint64_t key, std::uint32_t frame);
@@ -184,6 +187,7 @@ class Session {
   std::unique_ptr<LightSet> lights_;
   std::unique_ptr<CameraRays> camera_;
   std::unique_ptr<CausticMaps> caustics_;          ///< null where the scene has none
+  std::unique_ptr<TrafficRecord> traffic_;         ///< if it was asked for
   std::unique_ptr<LoadChoice> loads_;              ///< where paths wait for pages; else null
   std::unique_ptr<FrameBuffers> frame_, preview_;  ///< preview_: the viewer's alone
   SampleSource source_, previewSource_;

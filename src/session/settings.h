@@ -52,6 +52,8 @@ struct RenderSettings {
   std::uint64_t maxMemory = 0;  ///< bytes this process may use; 0: what the machine has
   /// Bytes of paths that wait for pages, where these do not fit in memory; 0: threads wait.
   std::uint64_t rayMemory = 0;
+  bool recordTraffic = false;      ///< of paths that wait: Session::traffic()
+  bool predictLoads = true;        ///< pages are loaded and kept by what is expected, too
   std::uint64_t maxGpuMemory = 0;  ///< bytes of device memory; 0: what the device has
 };
 

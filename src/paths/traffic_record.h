@@ -1,0 +1,46 @@
+// What was planned and what happened while paths waited for pages: for `--trace`.
+#pragma once
+
+#include <functional>
+#include <mutex>
+#include <string>
+
+#include "src/schedule/graph.h"
+#include "src/schedule/schedule.h"
+
+namespace trex {
+
+/// Rows: each thread that traces, what it loads by itself and what the loading threads load, and
+/// likewise what the plans said. Thread safe.
+class TrafficRecord {
+ public:
+  /// Later events are left out.
+  static constexpr std::size_t kMostEvents = 1u << 20;
+
+  TrafficRecord(unsigned tracing, unsigned loading);
+
+  /// A thread has traced rays of a page (LoadChoice::kBegin: has begun paths). Seconds as
+  /// secondsNow().
+  void traced(unsigned thread, std::uint32_t page, double start, double end);
+  /// A thread has brought a page; loading threads count on behind those that trace.
+  void loaded(unsigned thread, std::uint32_t page, double start, double end);
+  /// `pageOf`: of items and of jobs.
+  void planned(const schedule::Schedule& plan,
+               const std::function<std::uint32_t(std::uint32_t)>& pageOfItem,
+               const std::function<std::uint32_t(std::uint32_t)>& pageOfJob);
+
+  /// For trace viewers; times from the first event.
+  std::string chromeTrace() const;
+  /// One row a device and channel.
+  std::string svg(const std::string& title) const;
+
+ private:
+  schedule::Schedule fromStart() const;
+
+  mutable std::mutex mutex_;
+  schedule::Graph graph_;
+  schedule::Schedule happened_;
+  unsigned tracing_;
+};
+
+}  // namespace trex
