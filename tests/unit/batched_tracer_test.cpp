@@ -1,0 +1,250 @@
+// Rays and paths that wait for pages: the bits of those that do not, whatever was there when.
+#include "src/paths/batched_tracer.h"
+
+#include <gtest/gtest.h>
+#include <tbb/task_arena.h>
+
+#include <algorithm>
+#include <random>
+
+#include "src/core/error.h"
+#include "tests/unit/scenes.h"
+#include "tests/unit/stream_meshes.h"
+
+namespace trex {
+namespace {
+
+constexpr std::uint32_t kSide = 24;
+
+/// Wavy sheets above each other, of materials in turn: rays meet many groups before a hit.
+hccm::test::Soup sheets() {
+  hccm::test::Soup all;
+  for (int i = 0; i < 5; ++i) {
+    const hccm::test::Soup one = hccm::test::sheet(60);
+    const auto first = static_cast<std::uint32_t>(all.positions.size());
+    for (glm::vec3 p : one.positions) {
+      p.z += 0.06f * static_cast<float>(i) + 0.02f * std::sin(20.0f * p.x);
+      all.positions.push_back(p);
+    }
+    // With holes, so that rays go on to what is behind.
+    for (std::size_t t = 0; t < one.triangles.size(); ++t) {
+      if (t / 40 % 3 == static_cast<std::size_t>(i) % 3) continue;
+      all.triangles.push_back(one.triangles[t] + first);
+    }
+  }
+  return all;
+}
+
+/// A model in pages of which so many bytes may be there.
+struct Paged {
+  Scene scene;
+  std::unique_ptr<RayScene> rays;
+  const hccm::PagedMesh& mesh() const { return *rays->parts().paged; }
+  hccm::PageCache& cache() const { return mesh().cache(); }
+};
+
+std::uint64_t leastBytes(const hccm::PageTable& table) {
+  return hccm::PageCache::leastBytes(table);
+}
+
+Paged paged(const std::vector<Material>& materials, std::uint64_t pages) {
+  static const hccm::test::Soup soup = sheets();
+  hccm::test::Streamed streamed =
+      hccm::test::stream(soup, static_cast<std::uint32_t>(materials.size()));
+  Paged out;
+  out.scene.materials = materials;
+  for (std::size_t i = 0; i < 7 * materials.size(); ++i) out.scene.objects.push_back("sheet");
+  out.scene.environment.color = vec3(0.5f, 0.7f, 1.0f);
+  Light lamp;
+  lamp.position = dvec3(0.1, 0.2, 0.9);
+  lamp.intensity = vec3(3.0f, 2.0f, 1.0f);
+  out.scene.lights = {lamp};
+  out.scene.cameras = {test::lookAt(dvec3(0.3, -0.5, 0.6), dvec3(0.0, 0.0, 0.1), 0.9f)};
+  RayScene::Parts parts{dvec3(0.0), hccm::Mesh::build({}), {}, {}, nullptr};
+  const std::uint64_t bytes = pages * leastBytes(streamed.table);
+  parts.paged = std::make_unique<hccm::PagedMesh>(streamed.table, std::move(streamed.pages), bytes);
+  out.rays = std::make_unique<RayScene>(out.scene, std::move(parts));
+  return out;
+}
+
+std::vector<Material> plain() { return {test::lambert(0.6f), test::lambert(0.3f)}; }
+
+/// Glass, and one that half of the rays pass.
+std::vector<Material> clear() {
+  std::vector<Material> materials = {test::lambert(0.6f), test::lambert(0.5f), Material{}};
+  materials[1].alphaMode = AlphaMode::kBlend;
+  materials[1].baseColor.w = 0.5f;
+  materials[2].metallic = materials[2].roughness = 0.0f;
+  materials[2].transmission = 1.0f;
+  return materials;
+}
+
+bool same(const RayHit& a, const RayHit& b) {
+  return a.t == b.t && a.u == b.u && a.v == b.v && a.instance == b.instance &&
+         a.cluster == b.cluster && a.triangle == b.triangle;
+}
+
+TEST(WaitingRay, HasTheBitsOfARayThatDoesNotWait) {
+  const Paged all = paged(plain(), 10'000), some = paged(plain(), 10'000);
+  ASSERT_GT(all.mesh().table().pages.size(), 8u);
+  std::mt19937 random(7);
+  const auto pages = static_cast<std::uint32_t>(some.mesh().table().pages.size());
+  int hits = 0, blocked = 0, waited = 0, longest = 0;
+  for (int i = 0; i < 3000; ++i) {
+    const glm::vec3 from = hccm::test::randomPoint(random, 0.6f);
+    const glm::vec3 to = hccm::test::randomPoint(random, 0.5f) * vec3(1.0f, 1.0f, 0.3f);
+    RayQuery query{RayStart(from), glm::normalize(to - from), 0.0f, RayEnd(kInfinity)};
+    if (i % 3 == 0) query.end = RayEnd(0.5f);
+    const auto untilAnswered = [&](const auto& ask) {
+      WaitingRay ray;
+      int turns = 0;
+      while (!ask(ray)) {
+        for (std::uint32_t p = 0; p < pages; ++p) {
+          if (random() % 4 != 0) some.cache().evict(p);
+          if (random() % 64 == 0) some.cache().pin(p);
+        }
+        some.cache().pin(ray.page());
+        ++turns;
+      }
+      waited += turns > 0;
+      longest = std::max(longest, turns);
+      return ray;
+    };
+    const WaitingRay nearest =
+        untilAnswered([&](WaitingRay& r) { return some.rays->intersectHere(query, r); });
+    RayHit hit;
+    const bool met = all.rays->intersect(query.start, query.direction, query.tnear, query.end, hit);
+    ASSERT_EQ(nearest.hit(), met) << i;
+    if (met) {
+      ASSERT_TRUE(same(nearest.best, hit)) << i;
+    }
+    const WaitingRay any =
+        untilAnswered([&](WaitingRay& r) { return some.rays->occludedHere(query, r); });
+    ASSERT_EQ(any.blocked, all.rays->occluded(query.start, query.direction, query.tnear, query.end))
+        << i;
+    hits += met, blocked += any.blocked;
+  }
+  EXPECT_GT(hits, 500);
+  EXPECT_GT(blocked, 300);
+  EXPECT_GT(waited, 1000);
+  EXPECT_GT(longest, 2);  // groups behind those that a ray can hold were looked for
+}
+
+struct Traced {
+  std::vector<PathSample> samples;
+  std::vector<RayCounts> counts;
+};
+
+std::vector<PathJob> jobs() {
+  std::vector<PathJob> out;
+  for (std::uint32_t s = 0; s < 2; ++s)
+    for (std::uint32_t i = 0; i < kSide * kSide; ++i) out.push_back({i % kSide, i / kSide, s});
+  return out;
+}
+
+/// `pages`: that may be there; 0: no path waits for any.
+Traced trace(const std::vector<Material>& materials, std::uint64_t pages, int threads = 3) {
+  const Paged model = paged(materials, pages == 0 ? 10'000 : pages);
+  const LightSet lights(model.scene, *model.rays);
+  const CameraRays camera(model.scene.cameras.front(), dvec3(0.0), kSide, kSide);
+  const PathTracer tracer(model.scene, *model.rays, lights, camera, GuessOptions{}, 5);
+  const std::vector<PathJob> all = jobs();
+  Traced out{std::vector<PathSample>(all.size()), std::vector<RayCounts>(all.size())};
+  std::vector<ConeRequest> cones;
+  if (pages == 0) {
+    tracer.trace(all, kSide, 0, out.samples, out.counts, cones);
+    return out;
+  }
+  LoadChoice choice(model.mesh().table());
+  BatchedTracer batched(tracer, *model.rays, choice);
+  tbb::task_arena(threads).execute(
+      [&] { batched.trace(all, kSide, out.samples, out.counts, cones); });
+  EXPECT_LE(model.cache().statistics().peakBytes, model.cache().limit());
+  EXPECT_GT(model.cache().statistics().loads, 0u);
+  return out;
+}
+
+void expectSame(const Traced& a, const Traced& b) {
+  ASSERT_EQ(a.samples.size(), b.samples.size());
+  for (std::size_t i = 0; i < a.samples.size(); ++i) {
+    const PathSample &x = a.samples[i], &y = b.samples[i];
+    ASSERT_EQ(x.common, y.common) << i;
+    ASSERT_EQ(x.direct, y.direct) << i;
+    ASSERT_EQ(x.own, y.own) << i;
+    ASSERT_EQ(x.alpha, y.alpha) << i;
+    ASSERT_EQ(x.feature.position, y.feature.position) << i;
+    ASSERT_EQ(a.counts[i].cRays, b.counts[i].cRays) << i;
+    ASSERT_EQ(a.counts[i].shadowRays, b.counts[i].shadowRays) << i;
+  }
+}
+
+TEST(BatchedTracer, SamplesAreThoseOfPathsThatDoNotWait) {
+  const Traced whole = trace(plain(), 0);
+  double sum = 0.0;
+  for (const PathSample& s : whole.samples) sum += s.common.x;
+  EXPECT_GT(sum, 1.0);
+  for (const std::uint64_t pages : {1, 2, 5, 10'000}) expectSame(trace(plain(), pages), whole);
+  expectSame(trace(plain(), 2, 1), whole);
+}
+
+TEST(BatchedTracer, SamplesAreTheSameWhereStagesLoadByThemselves) {
+  const Traced whole = trace(clear(), 0);
+  for (const std::uint64_t pages : {1, 3}) expectSame(trace(clear(), pages), whole);
+  expectSame(trace(clear(), 1, 1), whole);
+}
+
+/// A page that can't be read ends all threads with its error.
+TEST(BatchedTracer, APageThatCannotBeReadIsAnError) {
+  static const hccm::test::Soup soup = sheets();
+  hccm::test::Streamed streamed = hccm::test::stream(soup);
+  streamed.pages->failAt = streamed.table.pages[streamed.table.pages.size() / 2].offset;
+  Scene scene;
+  scene.materials = {test::lambert(0.6f)};
+  scene.objects = {"sheet"};
+  scene.environment.color = vec3(1.0f);
+  scene.cameras = {test::lookAt(dvec3(0.0, 0.0, 1.5), dvec3(0.0), 0.9f)};
+  RayScene::Parts parts{dvec3(0.0), hccm::Mesh::build({}), {}, {}, nullptr};
+  const std::uint64_t bytes = 3 * leastBytes(streamed.table);
+  parts.paged = std::make_unique<hccm::PagedMesh>(streamed.table, std::move(streamed.pages), bytes);
+  const RayScene rays(scene, std::move(parts));
+  const LightSet lights(scene, rays);
+  const CameraRays camera(scene.cameras.front(), dvec3(0.0), kSide, kSide);
+  const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, 5);
+  LoadChoice choice(rays.parts().paged->table());
+  BatchedTracer batched(tracer, rays, choice);
+  const std::vector<PathJob> all = jobs();
+  std::vector<PathSample> samples(all.size());
+  std::vector<RayCounts> counts(all.size());
+  std::vector<ConeRequest> cones;
+  try {
+    batched.trace(all, kSide, samples, counts, cones);
+    FAIL() << "no error";
+  } catch (const Error& e) {
+    EXPECT_EQ(e.code(), ExitCode::kInput);
+    EXPECT_NE(std::string(e.what()).find("can't be read"), std::string::npos) << e.what();
+  }
+}
+
+/// Both what was planned and what was done are told.
+TEST(BatchedTracer, RecordsWhatHappened) {
+  const Paged model = paged(plain(), 3);
+  const LightSet lights(model.scene, *model.rays);
+  const CameraRays camera(model.scene.cameras.front(), dvec3(0.0), kSide, kSide);
+  const PathTracer tracer(model.scene, *model.rays, lights, camera, GuessOptions{}, 5);
+  LoadChoice choice(model.mesh().table());
+  TrafficRecord record(2, BatchedTracer::kLoaders);
+  BatchedTracer batched(tracer, *model.rays, choice, &record);
+  const std::vector<PathJob> all = jobs();
+  std::vector<PathSample> samples(all.size());
+  std::vector<RayCounts> counts(all.size());
+  std::vector<ConeRequest> cones;
+  tbb::task_arena(2).execute([&] { batched.trace(all, kSide, samples, counts, cones); });
+  const std::string json = record.chromeTrace();
+  for (const char* part : {"new paths", "page 0", "thread 0", "planned loads"})
+    EXPECT_NE(json.find(part), std::string::npos) << part;
+  EXPECT_NE(record.svg("title").find("<svg"), std::string::npos);
+  EXPECT_GE(batched.report().loads, model.mesh().table().pages.size() / 2);
+}
+
+}  // namespace
+}  // namespace trex
