@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "src/bench/bench.h"
+#include "src/bench/bench_schedule_live.h"
 #include "src/bench/median.h"
 #include "src/core/error.h"
 #include "src/core/file.h"
@@ -35,6 +36,7 @@ struct ScheduleArguments {
   std::string json, picture, trace;
   int seeds = 5;
   bool sameEviction = false;
+  LiveArguments live;
 };
 
 struct Model {
@@ -297,20 +299,29 @@ void printTable(const Json& d) {
       100.0 * d["timing_errors"]["percentile_90"].get<double>());
 }
 
-void run(const ScheduleArguments& a) {
+void writeOut(const Json& document, const std::string& file, void (*print)(const Json&)) {
+  if (file == "-") {
+    fmt::print("{}\n", document.dump(1));
+  } else {
+    if (!file.empty()) writeTextAtomically(file, document.dump(1) + "\n");
+    print(document);
+  }
+  std::fflush(stdout);
+}
+
+void run(ScheduleArguments& a) {
   for (const std::string& machines : a.machines) clusterOf(machines);
   for (const std::string& name : a.models) modelNamed(name);
   for (const std::string& path : {a.json, a.picture, a.trace}) {
     if (!path.empty() && path != "-") checkWritable(path);
   }
-  const Json document = measure(a);
-  if (a.json == "-") {
-    fmt::print("{}\n", document.dump(1));
+  a.live.picture = a.picture;
+  a.live.trace = a.trace;
+  if (a.live.bundle.empty()) {
+    writeOut(measure(a), a.json, printTable);
   } else {
-    if (!a.json.empty()) writeTextAtomically(a.json, document.dump(1) + "\n");
-    printTable(document);
+    writeOut(benchLive(a.live), a.json, printLive);
   }
-  std::fflush(stdout);
 }
 
 void addCommand(CLI::App& bench) {
@@ -334,6 +345,22 @@ void addCommand(CLI::App& bench) {
   c->add_option("-o,--output", a->picture,
                 "Write our schedule of the first cluster and workload as a picture: FILE.svg");
   c->add_option("--trace", a->trace, "The same for trace viewers (Chrome, Perfetto): FILE.json");
+  c->add_option(
+      "--live", a->live.bundle,
+      "Render this streamed bundle on this machine instead: all pages in memory, on demand, "
+      "with paths that wait for pages, and foreseeing");
+  c->add_option("--size", a->live.size, "Of --live: WxH in pixels")->capture_default_str();
+  c->add_option("--spp", a->live.samples, "Of --live: samples a pixel")
+      ->check(CLI::Range(1, 1 << 20))
+      ->capture_default_str();
+  c->add_option("--demand-spp", a->live.demandSamples, "Of --live: those on demand, which is slow")
+      ->check(CLI::Range(1, 1 << 20))
+      ->capture_default_str();
+  c->add_option("--cache-share", a->live.cacheShare, "Of --live: of the pages that may be there")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
+  c->add_option("--ray-memory", a->live.rayMemory, "Of --live: as of trex render")
+      ->capture_default_str();
   c->callback([a] { run(*a); });
 }
 

@@ -1,0 +1,131 @@
+#include "src/bench/bench_schedule_live.h"
+
+#include <fmt/format.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <memory>
+#include <vector>
+
+#include "src/bundle/bundle.h"
+#include "src/command/parse.h"
+#include "src/core/error.h"
+#include "src/core/file.h"
+#include "src/session/session.h"
+
+namespace trex {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+struct Way {
+  const char* name;
+  bool all, waits, predicts;
+};
+constexpr Way kWays[] = {{"all in memory", true, false, false},
+                         {"on demand", false, false, false},
+                         {"batched", false, true, false},
+                         {"batched, predicted", false, true, true}};
+
+double processorSeconds() {
+  rusage u{};
+  getrusage(RUSAGE_SELF, &u);
+  const auto seconds = [](const timeval& t) {
+    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
+  };
+  return seconds(u.ru_utime) + seconds(u.ru_stime);
+}
+
+struct Rendered {
+  Json row;
+  std::vector<float> values;
+};
+
+void writeTraces(const LiveArguments& a, const Session& session) {
+  const TrafficRecord& record = *session.traffic();
+  if (!a.picture.empty()) {
+    writeTextAtomically(a.picture, record.svg(fmt::format("{}, {} samples", a.bundle, a.samples)));
+  }
+  if (!a.trace.empty()) writeTextAtomically(a.trace, record.chromeTrace());
+}
+
+Rendered render(const LiveArguments& a, const Way& way) {
+  OpenOptions open;
+  open.model.voxels = false;
+  open.prepare = [&](const Scene&, ModelOptions& model) {
+    if (model.paged.pages == 0) {
+      fail(ExitCode::kInput, "{}: has no pages; bake it with --stream", a.bundle);
+    }
+    const double share = a.cacheShare * static_cast<double>(model.paged.pages);
+    model.cacheBytes = way.all ? 0 : std::max<std::uint64_t>(static_cast<std::uint64_t>(share), 1);
+  };
+  const auto model = std::make_shared<const Model>(openModel(a.bundle, open));
+  RenderSettings settings;
+  parseSize(a.size, settings.width, settings.height);
+  settings.samples = way.all || way.waits ? a.samples : std::min(a.samples, a.demandSamples);
+  settings.exact = 1.0;
+  settings.device = RenderSettings::kNoDevice;
+  settings.rayMemory = way.waits ? parseBytes(a.rayMemory) : 0;
+  settings.predictLoads = way.predicts;
+  settings.recordTraffic = way.predicts && !(a.picture.empty() && a.trace.empty());
+  Session session(model, model->scene.cameras.front(), settings);
+  const double before = processorSeconds();
+  session.run();
+  const double processors = processorSeconds() - before;
+  const SessionReport r = session.report();
+  if (settings.recordTraffic) writeTraces(a, session);
+  Rendered out;
+  out.row = {{"way", way.name},
+             {"samples", settings.samples},
+             {"seconds", r.renderSeconds},
+             {"processor_seconds", processors},
+             {"page_loads", r.pages.loads},
+             {"pages", r.mesh.pages},
+             {"page_cache_bytes", r.mesh.cacheBytes},
+             {"page_peak_bytes", r.pages.peakBytes}};
+  if (way.waits) {
+    out.row["waiting_share"] = r.traffic.waiting / r.traffic.tracing;
+    out.row["loading_share"] = r.traffic.loading / r.traffic.tracing;
+  }
+  out.values = session.picture().values;
+  return out;
+}
+
+}  // namespace
+
+nlohmann::ordered_json benchLive(const LiveArguments& a) {
+  Json document = {{"bench", "schedule, live"},
+                   {"bundle", a.bundle},
+                   {"size", a.size},
+                   {"samples", a.samples},
+                   {"cache_share", a.cacheShare},
+                   {"ray_memory_bytes", parseBytes(a.rayMemory)},
+                   {"rows", Json::array()}};
+  std::vector<float> whole;
+  for (const Way& way : kWays) {
+    Rendered made = render(a, way);
+    if (way.all) whole = made.values;
+    if (made.row["samples"] == a.samples) made.row["same_bytes"] = made.values == whole;
+    document["rows"].push_back(made.row);
+  }
+  return document;
+}
+
+void printLive(const nlohmann::ordered_json& document) {
+  fmt::print("{:<19} {:>7} {:>9} {:>11} {:>10} {:>13} {:>8} {:>8} {:>5}\n", "", "samples",
+             "seconds", "processors", "loads", "loads/sample", "waiting", "loading", "same");
+  for (const Json& r : document["rows"]) {
+    const auto share = [&](const char* key) {
+      return r.contains(key) ? fmt::format("{:.1f} %", 100.0 * r[key].get<double>())
+                             : std::string();
+    };
+    const bool same = r.value("same_bytes", false);
+    fmt::print("{:<19} {:>7} {:>7.2f} s {:>9.2f} s {:>10} {:>13.0f} {:>8} {:>8} {:>5}\n",
+               r["way"].get<std::string>(), r["samples"].get<int>(), r["seconds"].get<double>(),
+               r["processor_seconds"].get<double>(), r["page_loads"].get<std::uint64_t>(),
+               r["page_loads"].get<double>() / r["samples"].get<double>(), share("waiting_share"),
+               share("loading_share"), r.contains("same_bytes") ? (same ? "yes" : "NO") : "");
+  }
+}
+
+}  // namespace trex
