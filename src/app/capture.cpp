@@ -95,6 +95,7 @@ void Capture::openCheckpoint() {
 void Capture::runView(std::uint32_t frame) {
   const View& view = views_[frame];
   Session session(model_, view.camera, a_.settings, layers_);
+  session.giveUpWhen([] { return interruptedBy() != 0; });
   if (resumed_ && resumed_->header().frame == frame) {
     session.restoreCheckpoint(*resumed_);
     logInfo("{}: going on after {} samples a pixel", a_.checkpoint, session.samplesDone());

@@ -22,6 +22,7 @@ struct BatchedTracer::Batch {
   WaitingPath* paths;  ///< by job; made when the path begins
   PageQueues* queues;
   PageTraffic* traffic;
+  const std::function<bool()>* giveUp;
 };
 
 /// A thread: takes rays whose page is there, and takes their paths as far as they go.
@@ -52,6 +53,7 @@ struct BatchedTracer::Worker {
 void BatchedTracer::Worker::run() {
   PageWork work;
   while (batch.traffic->next(work, thread)) {
+    if (*batch.giveUp && (*batch.giveUp)()) return batch.traffic->giveUp();
     done.start = secondsNow();
     done.ended = 0;
     done.waits.clear();
@@ -238,9 +240,9 @@ struct FreePaths {
 
 }  // namespace
 
-void BatchedTracer::trace(std::span<const PathJob> jobs, std::uint32_t width,
+bool BatchedTracer::trace(std::span<const PathJob> jobs, std::uint32_t width,
                           std::span<PathSample> samples, std::span<RayCounts> counts,
-                          std::vector<ConeRequest>& cones) {
+                          std::vector<ConeRequest>& cones, const std::function<bool()>& giveUp) {
   const hccm::PagedMesh& mesh = *rays_.parts().paged;
   const int threads = tbb::this_task_arena::max_concurrency();
   PageQueues queues(mesh.table().pages.size(), 2 * jobs.size());
@@ -249,7 +251,7 @@ void BatchedTracer::trace(std::span<const PathJob> jobs, std::uint32_t width,
   const double start = secondsNow();
   PageTraffic traffic(mesh.cache(), choice_, queues, jobs.size(), static_cast<unsigned>(threads),
                       kLoaders, record_);
-  Batch batch{jobs, width, samples, counts, paths.get(), &queues, &traffic};
+  Batch batch{jobs, width, samples, counts, paths.get(), &queues, &traffic, &giveUp};
   std::mutex merging;
   tbb::parallel_for(
       0, threads, 1,
@@ -269,9 +271,11 @@ void BatchedTracer::trace(std::span<const PathJob> jobs, std::uint32_t width,
   report.tracing = (secondsNow() - start) * threads;
   report_.add(report);
   readingPages([&] { traffic.rethrow(); });
+  if (traffic.gaveUp()) return false;
   std::sort(cones.begin(), cones.end(), [](const ConeRequest& a, const ConeRequest& b) {
     return a.job != b.job ? a.job < b.job : a.bounce < b.bounce;
   });
+  return true;
 }
 
 }  // namespace trex

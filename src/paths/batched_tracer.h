@@ -11,6 +11,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <vector>
@@ -34,9 +35,12 @@ class BatchedTracer {
   static std::uint64_t bytesAPath();
 
   /// As PathTracer::trace(), with all threads of the calling oneTBB arena. All jobs are under way
-  /// at once: bytesAPath() each. Cone requests have the order of jobs.
-  void trace(std::span<const PathJob> jobs, std::uint32_t width, std::span<PathSample> samples,
-             std::span<RayCounts> counts, std::vector<ConeRequest>& cones);
+  /// at once: bytesAPath() each. Cone requests have the order of jobs. `giveUp`, asked all the time
+  /// by all threads, says whether to leave it; false if it did: nothing that is there is of use
+  /// then.
+  bool trace(std::span<const PathJob> jobs, std::uint32_t width, std::span<PathSample> samples,
+             std::span<RayCounts> counts, std::vector<ConeRequest>& cones,
+             const std::function<bool()>& giveUp = {});
   PageTrafficReport report() const { return report_; }
 
  private:

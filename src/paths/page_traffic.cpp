@@ -30,6 +30,11 @@ PageTraffic::~PageTraffic() {
   for (std::thread& t : loaders_) t.join();
 }
 
+void PageTraffic::giveUp() {
+  const std::lock_guard lock(mutex_);
+  failLocked(nullptr);
+}
+
 void PageTraffic::fail(std::exception_ptr error) {
   const std::lock_guard lock(mutex_);
   failLocked(std::move(error));
@@ -67,6 +72,7 @@ bool PageTraffic::takeReady(PageWork& work) {
         work.rays.resize(work.rays.size() - kAtOnce);
         choice_.use(work.page);
         ready_.push_front(std::move(rest));
+        if (idle_ > 0) work_.notify_one();
       }
       choice_.use(work.page);
     }
@@ -82,7 +88,7 @@ bool PageTraffic::takeReady(PageWork& work) {
 bool PageTraffic::next(PageWork& work, unsigned thread) {
   work.rays.clear();
   std::unique_lock lock(mutex_);
-  while (left_ > 0 && !failed_) {
+  while (left_ > 0 && !stop_) {
     if (takeReady(work)) return true;
     if (loadOne(lock, thread) || announceHere()) continue;
     const double start = secondsNow();

@@ -63,7 +63,7 @@ class PageTraffic {
   PageTraffic& operator=(const PageTraffic&) = delete;
 
   /// Work for a thread that traces; waits for a page if there is none. False when all paths have
-  /// ended, or a page can't be loaded.
+  /// ended, or a page can't be loaded, or after giveUp().
   bool next(PageWork& work, unsigned thread);
   /// The work of next() is done.
   void done(const PageWork& work, const PageWorkDone& what, unsigned thread);
@@ -71,6 +71,10 @@ class PageTraffic {
   void wait(std::uint32_t ray, std::uint32_t page);
   /// A thread that traces has failed: all end. Any thread.
   void fail(std::exception_ptr error);
+  /// All threads end where they are. Any thread.
+  void giveUp();
+  /// Whether paths have not ended.
+  bool gaveUp() const { return left_ > 0; }
   /// Throws what a page that can't be loaded threw.
   void rethrow() const;
   PageTrafficReport report() const { return report_; }

@@ -28,6 +28,7 @@ namespace {
 
 constexpr std::size_t kChunk = 64;             // jobs that a thread takes at a time
 constexpr double kBatchSeconds = 0.003;        // between two questions whether to go on
+constexpr double kShareOfLimit = 0.2;          // see adaptWaiting()
 constexpr std::size_t kLargestUnit = 64 * 64;  // pixels of a tile
 constexpr std::uint32_t kLeastBatch = 256, kLargestBatch = 1u << 16;
 
@@ -127,19 +128,31 @@ void SampleTaker::take(FrameBuffers& frame, const SampleSource& source, VoxelLig
     if (!must && !keepGoing()) break;
     const double mark = secondsNow();
     SampleBatch& batch = batches[i % 2];
-    more = fill(frame, wanted(source), batch);
+    const std::uint32_t samples = frame.tiles.samplesDone(), tiles = frame.tiles.tilesDone();
+    more =
+        fill(frame, wanted(source, std::size_t{frame.sums.width()} * frame.sums.height()), batch);
     const std::size_t jobs = batch.jobs.size();
-    if (jobs > 0) trace(frame, source, light, batch);
+    // Of nothing nothing is given up: the first samples of a picture are awaited.
+    const bool mayGiveUp = samples > 0 || tiles > 0;
+    if (jobs > 0 && !trace(frame, source, light, batch, mayGiveUp)) {
+      frame.tiles.restore(samples, tiles);
+      batch.jobs.clear();
+      break;
+    }
     merge(frame, light, batches[(i + 1) % 2]);
     if (source.batched) merge(frame, light, batch);  // there is no room for two
     adapt(secondsNow() - mark, jobs);
+    if (source.batched) adaptWaiting(secondsNow() - mark, jobs);
   }
   for (SampleBatch& batch : batches) merge(frame, light, batch);
 }
 
 /// Pixels of a batch: one unit of a sweep, of the viewer's as many as it has time for.
-std::size_t SampleTaker::wanted(const SampleSource& source) const {
-  if (source.batched) return std::max<std::size_t>(mostWaiting_, kLargestUnit) - kLargestUnit + 1;
+std::size_t SampleTaker::wanted(const SampleSource& source, std::size_t pixels) const {
+  if (source.batched) {
+    const std::size_t most = std::min(mostWaiting_, waiting_ > 0 ? waiting_ : pixels);
+    return std::max<std::size_t>(most, kLargestUnit) - kLargestUnit + 1;
+  }
   return interactive_ ? batchPixels_ : 1;
 }
 
@@ -160,9 +173,19 @@ void SampleTaker::adapt(double seconds, std::size_t jobs) {
   }
 }
 
-/// First stage: C-rays on all CPU threads; the cones start on the device.
-void SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
-                        SampleBatch& batch) {
+/// Where the seconds are limited a batch takes a share of them: it can't be stopped with what it
+/// has. (But it takes whole tiles, and the first one a whole sample, without which there is no
+/// picture.)
+void SampleTaker::adaptWaiting(double seconds, std::size_t jobs) {
+  if (limit_ <= 0.0 || jobs == 0) return;
+  const double most = kShareOfLimit * limit_ * static_cast<double>(jobs) / std::max(seconds, 1e-3);
+  waiting_ = std::clamp(static_cast<std::size_t>(most), std::min(2 * kLargestUnit, mostWaiting_),
+                        mostWaiting_);
+}
+
+/// First stage: C-rays on all CPU threads; the cones start on the device. False if it was given up.
+bool SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
+                        SampleBatch& batch, bool mayGiveUp) {
   const std::size_t count = batch.jobs.size(), chunks = (count + kChunk - 1) / kChunk;
   const std::uint32_t width = frame.sums.width();
   batch.paths.assign(count, PathSample{});
@@ -175,7 +198,10 @@ void SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
     job.paired = source.pairs && takesExact(job.sample, exact_, offset);
   }
   if (source.batched) {
-    source.batched->trace(batch.jobs, width, batch.paths, batch.rays, batch.cones[0]);
+    const bool done =
+        source.batched->trace(batch.jobs, width, batch.paths, batch.rays, batch.cones[0],
+                              mayGiveUp ? giveUp_ : std::function<bool()>());
+    if (!done) return false;
   }
   tbb::parallel_for(std::size_t{0}, source.batched ? 0 : chunks, [&](std::size_t chunk) {
     const std::size_t first = chunk * kChunk, size = std::min(kChunk, count - first);
@@ -194,6 +220,7 @@ void SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
   }
   batch.ticket.reset();
   if (!batch.queries.empty()) batch.ticket = light.device()->submitGather(batch.queries);
+  return true;
 }
 
 /// Second stage: the device's answers join their pixels, the samples enter the frame.

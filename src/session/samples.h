@@ -39,7 +39,10 @@ class SampleTaker {
       : interactive_(settings.interactive),
         seed_(settings.seed),
         exact_(settings.exact),
-        mostWaiting_(pathsThatWait(settings.rayMemory)) {}
+        limit_(settings.seconds),
+        mostWaiting_(pathsThatWait(settings.rayMemory)) {
+    waiting_ = limit_ > 0.0 ? 0 : mostWaiting_;
+  }
 
   /// Takes samples in the order of the frame's tiles until none is left before their barrier, or
   /// keepGoing, asked before each batch, says no. Of the viewer's tiles at least one batch, and the
@@ -48,22 +51,30 @@ class SampleTaker {
   void take(FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
             const std::function<bool()>& keepGoing, vec2 pointer);
 
+  /// Asked by all threads while paths wait for pages: whether to give up the samples under way,
+  /// which are taken again later.
+  void setGiveUp(std::function<bool()> ask) { giveUp_ = std::move(ask); }
+
   const RayCounts& rays() const { return rays_; }
   void restoreRays(const RayCounts& rays) { rays_ = rays; }
 
  private:
-  std::size_t wanted(const SampleSource& source) const;
+  std::size_t wanted(const SampleSource& source, std::size_t pixels) const;
   bool fill(FrameBuffers& frame, std::size_t wanted, SampleBatch& batch) const;
-  void trace(const FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
-             SampleBatch& batch);
+  bool trace(const FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
+             SampleBatch& batch, bool mayGiveUp);
+  void adaptWaiting(double seconds, std::size_t jobs);
   void merge(FrameBuffers& frame, VoxelLight& light, SampleBatch& batch);
   void adapt(double seconds, std::size_t jobs);
 
   bool interactive_;
   std::uint32_t seed_;
   double exact_;
+  double limit_;                      ///< seconds of the whole render, or 0
+  std::size_t waiting_;               ///< of mostWaiting_, what the limit lets be
   std::size_t mostWaiting_;           ///< paths at once where pages do not fit in memory
   std::uint32_t batchPixels_ = 2048;  ///< of the viewer: some milliseconds' worth
+  std::function<bool()> giveUp_;
   RayCounts rays_;
 };
 

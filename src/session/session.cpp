@@ -97,10 +97,9 @@ SessionState Session::state() const {
 
 void Session::perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer) {
   const double start = secondsNow() - report_.renderSeconds;
-  const std::uint32_t samples = samplesDone();
   const auto going = [&] {
     report_.renderSeconds = secondsNow() - start;
-    return keepGoing() && !goal_.late(samples, report_.renderSeconds);
+    return keepGoing() && !goal_.late(samplesDone(), report_.renderSeconds);
   };
   switch (work.kind) {
     case Work::Kind::kSamples:

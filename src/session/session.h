@@ -92,6 +92,9 @@ class Session {
   /// Works until the goal is reached or keepGoing says no. Called again it goes on where it
   /// stopped, in the middle of a pass too; only the time inside counts.
   void run(const KeepGoing& keepGoing = [] { return true; });
+  /// Asked by any thread while paths wait for pages, which may take a minute: true gives up the
+  /// samples under way. A session that goes on takes them again.
+  void giveUpWhen(std::function<bool()> ask) { samples_.setGiveUp(std::move(ask)); }
   /// The next piece of work, if there is any, for as long as keepGoing lets it; but of the viewer
   /// at least the coarsest picture of all tiles after a change. `pointer`: see TileScheduler.
   std::optional<Work> step(const KeepGoing& keepGoing, vec2 pointer);
