@@ -19,8 +19,8 @@ Fate PathTracer::arrive(WavePath& path) const {
   if (passes) return passLayer(path) ? Fate::kPasses : Fate::kEnds;
   look(path);
   if (maxComponent(bsdf.emission()) > 0.0f) emit(path);
-  if (bsdf.unlit()) return Fate::kEnds;
-  if (path.turns >= scene_.maxBounces) return Fate::kScatters;
+  if (bsdf.unlit() || (path.look && path.seen)) return Fate::kEnds;
+  if (path.look || path.turns >= scene_.maxBounces) return Fate::kScatters;
   if (path.coupled && guess_.cache && endInCache(path) && !path.part()) return Fate::kEnds;
 
   // Cached light has been reflected once more.

@@ -52,6 +52,7 @@ PathState PathTracer::generate(const PathJob& job, std::uint32_t number, Sampler
   PathState path{.job = number,
                  .number = job.sample,
                  .paired = job.paired,
+                 .look = job.look,
                  .certain = media_ == nullptr && !camera_.hasLens()};
   const vec2 jitter = sampler.next2D();
   camera_.ray(static_cast<float>(job.x) + jitter.x, static_cast<float>(job.y) + jitter.y,

@@ -16,6 +16,7 @@ namespace trex {
 /// Pixels between the two stages: traced, and waiting for the device's cones.
 struct SampleBatch {
   std::vector<PathJob> jobs;
+  std::uint32_t looks = 0;                      ///< of the jobs
   std::vector<std::uint32_t> finishedTiles;     ///< that come to a whole sample or level by it
   std::vector<PathSample> paths;                ///< by job
   std::vector<RayCounts> rays;                  ///< by job
@@ -29,10 +30,11 @@ namespace {
 constexpr std::size_t kChunk = 64;       // jobs that a thread takes at a time
 constexpr double kBatchSeconds = 0.003;  // between two questions whether to go on
 constexpr std::uint32_t kLeastBatch = 256, kLargestBatch = 1u << 16;
+constexpr std::uint32_t kLooksOfASample = 8;  // that cost about as much
 
 /// The pixels of a unit.
 void addJobs(const Tile& tile, const TileUnit& unit, SampleBatch& batch) {
-  if (unit.endCell == lattice::kCells || lattice::spacing(unit.endCell) > 0) {
+  if (!unit.look && (unit.endCell == lattice::kCells || lattice::spacing(unit.endCell) > 0)) {
     batch.finishedTiles.push_back(unit.tile);
   }
   if (unit.firstCell == 0 && unit.endCell == lattice::kCells) {
@@ -48,7 +50,11 @@ void addJobs(const Tile& tile, const TileUnit& unit, SampleBatch& batch) {
       for (std::uint32_t cell = unit.firstCell; cell < unit.endCell; ++cell) {
         const lattice::Place at = lattice::kPlaces[cell];
         if (x + at.x >= tile.width || y + at.y >= tile.height) continue;
-        batch.jobs.push_back({tile.x + x + at.x, tile.y + y + at.y, unit.sample});
+        batch.jobs.push_back({.x = tile.x + x + at.x,
+                              .y = tile.y + y + at.y,
+                              .sample = unit.sample,
+                              .look = unit.look});
+        batch.looks += unit.look;
       }
     }
   }
@@ -64,10 +70,19 @@ void prepareCaustics(CausticMaps& caustics, const SampleBatch& batch) {
   caustics.prepare(samples);
 }
 
+/// Of a batch, in samples.
+std::size_t costOf(const SampleBatch& batch) {
+  return batch.jobs.size() - batch.looks + (batch.looks + kLooksOfASample - 1) / kLooksOfASample;
+}
+
 /// A finished sample enters the frame and its layers.
 void addSample(FrameBuffers& frame, const SampleBatch& batch, std::size_t i) {
-  const auto& [x, y, sample, paired] = batch.jobs[i];
+  const auto& [x, y, sample, paired, look] = batch.jobs[i];
   const PathSample& p = batch.paths[i];
+  if (look) {
+    frame.features->look(x, y, p.feature, isFinite(p.common) ? p.common : vec3(0.0f));
+    return;
+  }
   const vec3 exact = p.common + p.exact;
   if (sample == 0) frame.restart(x, y);
   const bool finite = frame.sums.add(x, y, sample, p.common + p.guess, paired ? &exact : nullptr);
@@ -118,10 +133,10 @@ void SampleTaker::take(FrameBuffers& frame, const SampleSource& source, VoxelLig
     const double mark = secondsNow();
     SampleBatch& batch = batches[i % 2];
     more = fill(frame, batch);
-    const std::size_t jobs = batch.jobs.size();
+    const std::size_t jobs = batch.jobs.size(), cost = costOf(batch);
     if (jobs > 0) trace(frame, source, light, batch);
     merge(frame, light, batches[(i + 1) % 2]);
-    adapt(secondsNow() - mark, jobs);
+    adapt(secondsNow() - mark, cost);
   }
   for (SampleBatch& batch : batches) merge(frame, light, batch);
 }
@@ -130,7 +145,7 @@ void SampleTaker::take(FrameBuffers& frame, const SampleSource& source, VoxelLig
 /// is left.
 bool SampleTaker::fill(FrameBuffers& frame, SampleBatch& batch) const {
   const std::size_t wanted = interactive_ ? batchPixels_ : 1;
-  while (batch.jobs.size() < wanted) {
+  while (costOf(batch) < wanted) {
     const auto unit = frame.tiles.next();
     if (!unit) return false;
     addJobs(frame.tiles.tiles()[unit->tile], *unit, batch);
@@ -138,9 +153,9 @@ bool SampleTaker::fill(FrameBuffers& frame, SampleBatch& batch) const {
   return true;
 }
 
-void SampleTaker::adapt(double seconds, std::size_t jobs) {
+void SampleTaker::adapt(double seconds, std::size_t cost) {
   if (seconds > 1.5 * kBatchSeconds) batchPixels_ = std::max(batchPixels_ / 2, kLeastBatch);
-  if (seconds < 0.5 * kBatchSeconds && jobs >= batchPixels_) {
+  if (seconds < 0.5 * kBatchSeconds && cost >= batchPixels_) {
     batchPixels_ = std::min(batchPixels_ * 2, kLargestBatch);
   }
 }
@@ -160,7 +175,7 @@ void SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
     const auto jobs = std::span(batch.jobs).subspan(first, size);
     for (PathJob& job : jobs) {
       const double offset = toUnitFloat(hashCombine(hashCombine(job.x, job.y), seed_));
-      job.paired = source.pairs && takesExact(job.sample, exact_, offset);
+      job.paired = source.pairs && !job.look && takesExact(job.sample, exact_, offset);
     }
     source.tracer->trace(jobs, width, static_cast<std::uint32_t>(first),
                          std::span(batch.paths).subspan(first, size),
@@ -200,6 +215,7 @@ void SampleTaker::merge(FrameBuffers& frame, VoxelLight& light, SampleBatch& bat
     for (const std::uint32_t tile : batch.finishedTiles) rateTile(frame, tile);
   }
   batch.jobs.clear();
+  batch.looks = 0;
   batch.finishedTiles.clear();
 }
 

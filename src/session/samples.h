@@ -45,7 +45,7 @@ class SampleTaker {
   void trace(const FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
              SampleBatch& batch);
   void merge(FrameBuffers& frame, VoxelLight& light, SampleBatch& batch);
-  void adapt(double seconds, std::size_t jobs);
+  void adapt(double seconds, std::size_t cost);
 
   bool interactive_;
   std::uint32_t seed_;

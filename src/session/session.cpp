@@ -156,7 +156,10 @@ void Session::makeFrames() {
         TileScheduler(makeTiles(width, height, kTileSize), order, width, height));
   };
   frame_ = make(settings_.interactive ? Order::kPerception : Order::kSweep);
-  if (settings_.interactive) preview_ = make(Order::kPerception);
+  if (!settings_.interactive) return;
+  preview_ = make(Order::kPerception);
+  // Media light what lies behind them, so that no look can tell what a pixel shows.
+  frame_->tiles.setLooks(method_ != DenoiseMethod::kOff && model_->rays->media() == nullptr);
 }
 
 void Session::makeCamera() {

@@ -12,6 +12,9 @@ namespace {
 constexpr std::uint64_t kPairsThatTell = 2;  // a pixel, from which on there is a variance
 /// Of a pixel, from which on their own spread tells enough of their variance.
 constexpr std::uint64_t kSamplesThatTell = 4;
+/// Pixels wide, of the lattice that light is filtered on before that: one of it has four times as
+/// many samples, which tell its noise from its light.
+constexpr std::uint32_t kLeastLattice = 2;
 /// Likewise, well enough to tell what a denoiser that does not know them has lost.
 constexpr std::uint64_t kSamplesThatTellTheRest = 16;
 
@@ -86,6 +89,28 @@ FeatureImage thinFeatures(const FeatureImage& all, std::uint32_t step, const Sou
   return out;
 }
 
+/// What every step-th pixel of every step-th row shows most, with the light of all samples of the
+/// pixels that it stands for that show the same.
+FeatureImage thickFeatures(const FrameBuffers& frame, std::uint32_t step) {
+  const FeatureImage& all = *frame.features;
+  FeatureImage out((all.width() + step - 1) / step, (all.height() + step - 1) / step);
+  tbb::parallel_for(0u, out.height(), [&](std::uint32_t row) {
+    for (std::uint32_t column = 0; column < out.width(); ++column) {
+      FeaturePart sum = all.most(column * step, row * step);
+      sum.mean.footprint *= static_cast<float>(step);
+      const vec3 albedo = guideAlbedo(sum.mean.albedo);
+      for (std::uint32_t i = 0; i < step * step; ++i) {
+        const std::uint32_t x = column * step + i % step, y = row * step + i / step;
+        if (x >= all.width() || y >= all.height() || !frame.tiles.sampled(x, y)) continue;
+        if (i > 0) sum.join(all.most(x, y), albedo);
+        sum.join(all.rest(x, y), albedo);
+      }
+      out.put(column, row, sum);
+    }
+  });
+  return out;
+}
+
 /// Parts the light of a frame, which is `parts`, into indirect and direct light.
 void takeDirectOut(const FrameBuffers& frame, std::vector<std::vector<vec3>>& parts) {
   using Pixel = std::uint32_t;
@@ -145,17 +170,29 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
     return;
   }
   const FeatureImage& features = *frame.features;
-  picture_ = each([&](Pixel x, Pixel y) {
-    return glm::max(sums.guess(x, y).mean() - dvec3(features.light(x, y)), dvec3(0.0));
-  });
   const bool few = frame.tiles.samplesDone() < kSamplesThatTell;
+  const auto unfiltered = [&](Pixel x, Pixel y) {
+    return glm::max(sums.guess(x, y).mean() - dvec3(features.light(x, y)), dvec3(0.0));
+  };
+  if (options.spread) {
+    picture_ = collect(width, height, 1, [&](Pixel x, Pixel y) {
+      return frame.tiles.sampled(x, y) ? unfiltered(x, y) : dvec3(features.light(x, y));
+    });
+    step_ = std::max(step, kLeastLattice);
+    thin_.emplace(thickFeatures(frame, step_));
+    guess_.emplace(*thin_, frame.tiles.meanProgress() * step_ * step_ < kSamplesThatTell);
+    all_ = &features;
+  } else {
+    picture_ = each(unfiltered);
+  }
   if (!whole) {
+    if (thin_) return;
     guess_.emplace(thinFeatures(features, step, source), few);
     return;
   }
   if (isOidn(options.method)) {
     lit_ = byOidn(frame, options.method == DenoiseMethod::kOidnThorough);
-  } else {
+  } else if (!thin_) {
     guess_.emplace(features, few);
   }
   if (!options.pairs) return;
@@ -182,6 +219,13 @@ bool ShownPicture::advance(const std::function<bool()>& keepGoing) {
     if (!guess_->advance(keepGoing)) return false;
     lit_ = guess_->result();
     guess_.reset();
+    if (thin_) spread_.emplace(*thin_, lit_, *all_, step_);
+  }
+  if (spread_) {
+    if (!spread_->advance(keepGoing)) return false;
+    lit_ = spread_->result();
+    spread_.reset();
+    thin_.reset();
   }
   if (correction_) {
     if (!correction_->advance(keepGoing)) return false;

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "src/frame/denoise.h"
+#include "src/frame/lattice_light.h"
 #include "src/session/denoiser.h"
 #include "src/session/frame_buffers.h"
 
@@ -18,9 +19,14 @@ struct ShownOptions {
   /// Every so manieth pixel alone, each of which must have a sample; 1: all of them, and where one
   /// has none yet that of its lattice before it.
   std::uint32_t spacing = 1;
+  /// All of them all the same: the light of that lattice, of every second pixel at least, and of
+  /// what samples there are between, is filtered and spread by what each pixel shows. Those without
+  /// a sample must have a look. Better while samples are few, and pixels many.
+  bool spread = false;
 };
 
-/// One picture under way, of the frame as it was when this was made. One thread at a time.
+/// One picture under way, of the frame as it was when this was made; to be spread the frame
+/// must outlive it, and may get more samples, but not begin anew. One thread at a time.
 class ShownPicture {
  public:
   /// Open Image Denoise, which can't be interrupted, does its part here; Error(kMemoryOrDevice) if
@@ -29,7 +35,7 @@ class ShownPicture {
                const ShownOptions& options);
   /// Works until done or keepGoing() says no, asked about every millisecond. True once done.
   bool advance(const std::function<bool()>& keepGoing);
-  /// Once advance() is true: row by row, ceil(width / spacing) wide.
+  /// Once advance() is true: row by row, ceil(width / spacing) wide, or if spread the width.
   std::vector<vec3> take() { return std::move(picture_); }
 
  private:
@@ -41,6 +47,10 @@ class ShownPicture {
   double missing_ = 0.0;           ///< sum of the differences to exact paths that lit_ is without
   std::vector<float> scattering_;  ///< shares of the pixels that the correction is of
   std::optional<GuessFilter> guess_, correction_;
+  std::optional<FeatureImage> thin_;  ///< of the lattice whose light is spread
+  std::optional<LatticeLight> spread_;
+  const FeatureImage* all_ = nullptr;  ///< what spread_ is for
+  std::uint32_t step_ = 1;
 };
 
 }  // namespace trex
