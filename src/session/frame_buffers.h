@@ -6,6 +6,7 @@
 #include "src/frame/accumulator.h"
 #include "src/frame/features.h"
 #include "src/frame/layers.h"
+#include "src/frame/light_memory.h"
 #include "src/session/scheduler.h"
 
 namespace trex {
@@ -20,6 +21,8 @@ struct FrameBuffers {
   std::unique_ptr<CoverageImage> coverage;
   std::unique_ptr<FirstHitImage> firstHits;
   std::unique_ptr<RayClassImage> rayClasses;
+  /// Of the viewer; outlives restart().
+  std::unique_ptr<LightMemory> memory;
   TileScheduler tiles;
 
   FrameBuffers(std::uint32_t width, std::uint32_t height, bool pairs, bool filtered,

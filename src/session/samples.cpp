@@ -87,7 +87,9 @@ void addSample(FrameBuffers& frame, const SampleBatch& batch, std::size_t i) {
   if (sample == 0) frame.restart(x, y);
   const bool finite = frame.sums.add(x, y, sample, p.common + p.guess, paired ? &exact : nullptr);
   if (frame.features && finite) {
-    frame.features->add(x, y, p.feature, p.common - p.own + p.guess);
+    const vec3 light = p.common - p.own + p.guess;
+    frame.features->add(x, y, p.feature, light);
+    if (frame.memory) frame.memory->add(p.feature, light);
   }
   if (frame.coverage) frame.coverage->add(x, y, p.alpha);
   if (frame.firstHits) frame.firstHits->add(x, y, sample, p.first);

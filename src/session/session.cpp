@@ -159,7 +159,9 @@ void Session::makeFrames() {
   if (!settings_.interactive) return;
   preview_ = make(Order::kPerception);
   // Media light what lies behind them, so that no look can tell what a pixel shows.
-  frame_->tiles.setLooks(method_ != DenoiseMethod::kOff && model_->rays->media() == nullptr);
+  const bool looks = method_ != DenoiseMethod::kOff && model_->rays->media() == nullptr;
+  frame_->tiles.setLooks(looks);
+  if (looks) frame_->memory = std::make_unique<LightMemory>();
 }
 
 void Session::makeCamera() {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "src/core/sampler.h"
 #include "src/frame/oidn.h"
 
 namespace trex {
@@ -111,6 +112,20 @@ FeatureImage thickFeatures(const FrameBuffers& frame, std::uint32_t step) {
   return out;
 }
 
+/// Adds what is remembered of the light of a lattice's pixels.
+void remember(const LightMemory& memory, FeatureImage& lattice, std::uint32_t step) {
+  tbb::parallel_for(0u, lattice.height(), [&](std::uint32_t y) {
+    for (std::uint32_t x = 0; x < lattice.width(); ++x) {
+      FeaturePart part = lattice.most(x, y);
+      if (lattice.rest(x, y).count > 0.0f) continue;
+      part.mean.footprint /= static_cast<float>(step);
+      if (!memory.join(part, Sampler(y * lattice.width() + x, 0, 0x6d656d6fu).next2D())) continue;
+      part.mean.footprint *= static_cast<float>(step);
+      lattice.put(x, y, part);
+    }
+  });
+}
+
 /// Parts the light of a frame, which is `parts`, into indirect and direct light.
 void takeDirectOut(const FrameBuffers& frame, std::vector<std::vector<vec3>>& parts) {
   using Pixel = std::uint32_t;
@@ -180,6 +195,7 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
     });
     step_ = std::max(step, kLeastLattice);
     thin_.emplace(thickFeatures(frame, step_));
+    if (frame.memory) remember(*frame.memory, *thin_, step_);
     guess_.emplace(*thin_, frame.tiles.meanProgress() * step_ * step_ < kSamplesThatTell);
     all_ = &features;
   } else {
@@ -187,7 +203,9 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
   }
   if (!whole) {
     if (thin_) return;
-    guess_.emplace(thinFeatures(features, step, source), few);
+    FeatureImage lattice = thinFeatures(features, step, source);
+    if (frame.memory) remember(*frame.memory, lattice, step);
+    guess_.emplace(lattice, few);
     return;
   }
   if (isOidn(options.method)) {
