@@ -105,6 +105,12 @@ class FeatureImage {
     (most.count == 0.0f || most.shows(f) ? most : rest).add(f, light);
     if (rest.count > most.count) std::swap(most, rest);
   }
+  /// Adds to the mean light of each surface of a pixel.
+  void addLight(std::uint32_t x, std::uint32_t y, const vec3& light) {
+    auto& [most, rest] = pixels_[index(x, y)];
+    most.light += light;
+    rest.light += light;
+  }
   void restart(std::uint32_t x, std::uint32_t y) { pixels_[index(x, y)] = {}; }
   /// What a pixel without samples shows, and the light that it sends out itself: that of most(),
   /// whose count is 0, until restart().

@@ -94,6 +94,7 @@ void addSample(FrameBuffers& frame, const SampleBatch& batch, std::size_t i) {
   if (frame.coverage) frame.coverage->add(x, y, p.alpha);
   if (frame.firstHits) frame.firstHits->add(x, y, sample, p.first);
   if (frame.direct && finite) frame.direct->add(x, y, p.direct, paired ? &p.directExact : nullptr);
+  if (frame.dial) frame.dial->add(frame.tiles.tileAt(x, y), paired, batch.rays[i]);
   if (frame.rayClasses) {
     const RayCounts& rays = batch.rays[i];
     frame.rayClasses->add(x, y, static_cast<float>(rays.cRays + rays.shadowRays),
@@ -177,7 +178,9 @@ void SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
     const auto jobs = std::span(batch.jobs).subspan(first, size);
     for (PathJob& job : jobs) {
       const double offset = toUnitFloat(hashCombine(hashCombine(job.x, job.y), seed_));
-      job.paired = source.pairs && !job.look && takesExact(job.sample, exact_, offset);
+      const double share =
+          frame.dial ? frame.dial->tile(frame.tiles.tileAt(job.x, job.y)).share : exact_;
+      job.paired = source.pairs && !job.look && takesExact(job.sample, share, offset);
     }
     source.tracer->trace(jobs, width, static_cast<std::uint32_t>(first),
                          std::span(batch.paths).subspan(first, size),

@@ -61,6 +61,10 @@ class TileScheduler {
 
   const std::vector<Tile>& tiles() const { return tiles_; }
   const TileState& state(std::uint32_t tile) const { return states_[tile]; }
+  /// Number of the tile that holds pixel (x, y).
+  std::uint32_t tileAt(std::uint32_t x, std::uint32_t y) const {
+    return grid_[std::size_t{y / side_} * columns_ + x / side_];
+  }
   /// Spacing of the pixels that have a sample around (x, y); 0: none has.
   std::uint32_t spacingAt(std::uint32_t x, std::uint32_t y) const;
   /// Whether a pixel has a sample.
@@ -80,9 +84,6 @@ class TileScheduler {
   double meanProgress() const;
 
  private:
-  std::uint32_t tileAt(std::uint32_t x, std::uint32_t y) const {
-    return grid_[std::size_t{y / side_} * columns_ + x / side_];
-  }
   TileUnit take(std::uint32_t tile, std::uint32_t endCell);
   std::optional<TileUnit> nextOfSweep();
   std::optional<TileUnit> nextCoarse();

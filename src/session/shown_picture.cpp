@@ -16,6 +16,8 @@ constexpr std::uint64_t kSamplesThatTell = 4;
 /// Pixels wide, of the lattice that light is filtered on before that: one of it has four times as
 /// many samples, which tell its noise from its light.
 constexpr std::uint32_t kLeastLattice = 2;
+/// Mean of the pixels, from which on a dial's correction is looked for.
+constexpr double kPairsOfADial = 0.5;
 /// Likewise, well enough to tell what a denoiser that does not know them has lost.
 constexpr std::uint64_t kSamplesThatTellTheRest = 16;
 
@@ -36,7 +38,10 @@ std::vector<vec3> collect(std::uint32_t width, std::uint32_t height, std::uint32
 /// The filter drops rare bright differences, and waits for pairs enough to know their noise. What
 /// the guess lacks by them all is known well though: the picture takes the share `missing` / its
 /// sum of it everywhere. Bounded, as one path may outshine a picture.
-void makeUp(std::vector<vec3>& lit, double missing) {
+/// `doubt`: variance of `missing`, which counts as far as it stands out of it.
+void makeUp(std::vector<vec3>& lit, double missing, double doubt) {
+  constexpr double kDoubt = 4.0;  // of variances, as in the filter
+  if (doubt > 0.0) missing *= missing * missing / (missing * missing + kDoubt * doubt);
   constexpr double kMost = 2.0;
   double sum = 0.0;
   for (const vec3& v : lit) sum += static_cast<double>(v.x + v.y + v.z);
@@ -48,22 +53,26 @@ void makeUp(std::vector<vec3>& lit, double missing) {
 /// The filter of the difference to exact paths. each(value): of all pixels. What scatters no light
 /// has none: `scattering` is the share of each pixel's samples that may have some, not 0.
 /// `denoised` is the guess's light if it has been denoised by something that does not fade as
-/// samples grow: what it lacks of their mean is to be corrected too. Else it is empty.
+/// samples grow: what it lacks of their mean is to be corrected too. Else it is empty. With a dial
+/// that is all, as DialCorrection knows the difference.
 template <typename Each>
-GuessFilter correctionOf(const Accumulator& sums, const FeatureImage& features, const Each& each,
+GuessFilter correctionOf(const FrameBuffers& frame, const Each& each,
                          const std::vector<float>& scattering, const std::vector<vec3>& denoised) {
   using Pixel = std::uint32_t;
+  const Accumulator& sums = frame.sums;
+  const FeatureImage& features = *frame.features;
   // A rare bright path makes both mean and variance of its pixel large; a pixel that has met none
   // knows too little of them. So no variance counts as less than that of all pixels together.
   const dvec3 pooled = sums.pooledDifferenceVariance();
   auto difference = each([&](Pixel x, Pixel y) {
-    dvec3 all = sums.difference(x, y).mean();
+    dvec3 all = frame.dial ? dvec3(0.0) : sums.difference(x, y).mean();
     if (!denoised.empty()) {
       all += dvec3(features.light(x, y) - denoised[std::size_t{y} * features.width() + x]);
     }
     return all;
   });
   auto spread = each([&](Pixel x, Pixel y) {
+    if (frame.dial) return sums.guess(x, y).varianceOfMean();
     const Moments d = sums.difference(x, y);
     const dvec3 own = glm::max(d.varianceOfMean(), pooled / static_cast<double>(d.count()));
     return denoised.empty() ? own : own + sums.guess(x, y).varianceOfMean();
@@ -142,9 +151,8 @@ void takeDirectOut(const FrameBuffers& frame, std::vector<std::vector<vec3>>& pa
 
 /// The light of a whole frame by Open Image Denoise: by what pixels show, direct and indirect apart
 /// if `thorough`.
-std::vector<vec3> byOidn(const FrameBuffers& frame, bool thorough) {
+std::vector<vec3> byOidn(const FrameBuffers& frame, const FeatureImage& features, bool thorough) {
   using Pixel = std::uint32_t;
-  const FeatureImage& features = *frame.features;
   const std::uint32_t width = features.width(), height = features.height();
   const auto each = [&](const auto& value) { return collect(width, height, 1, value); };
   OidnGuides guides{width, height,
@@ -156,10 +164,21 @@ std::vector<vec3> byOidn(const FrameBuffers& frame, bool thorough) {
   return denoiseLight(*findOidn().library, std::move(guides), parts, thorough);
 }
 
+bool fewSamples(const FrameBuffers& frame) { return frame.tiles.samplesDone() < kSamplesThatTell; }
+
 }  // namespace
 
+std::vector<vec3> denoiseFrame(const FrameBuffers& frame, const FeatureImage& features,
+                               DenoiseMethod method) {
+  if (isOidn(method)) return byOidn(frame, features, method == DenoiseMethod::kOidnThorough);
+  GuessFilter filter(features, fewSamples(frame));
+  filter.advance([] { return true; });
+  return filter.result();
+}
+
 ShownPicture::ShownPicture(const FrameBuffers& frame, std::uint32_t width, std::uint32_t height,
-                           const ShownOptions& options) {
+                           const ShownOptions& options)
+    : keepGuess_(options.keepGuess) {
   gather(frame, width, height, options);
 }
 
@@ -185,7 +204,7 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
     return;
   }
   const FeatureImage& features = *frame.features;
-  const bool few = frame.tiles.samplesDone() < kSamplesThatTell;
+  const bool few = fewSamples(frame);
   const auto unfiltered = [&](Pixel x, Pixel y) {
     return glm::max(sums.guess(x, y).mean() - dvec3(features.light(x, y)), dvec3(0.0));
   };
@@ -209,18 +228,15 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
     return;
   }
   if (isOidn(options.method)) {
-    lit_ = byOidn(frame, options.method == DenoiseMethod::kOidnThorough);
+    lit_ = denoiseFrame(frame, features, options.method);
   } else if (!thin_) {
     guess_.emplace(features, few);
   }
   if (!options.pairs) return;
-  for (Pixel y = 0; y < height; ++y) {
-    for (Pixel x = 0; x < width; ++x) {
-      const dvec3 d = sums.difference(x, y).mean();
-      missing_ += d.x + d.y + d.z;
-    }
+  addMissing(frame);
+  if (frame.dial ? frame.dial->meanPairs() < kPairsOfADial : sums.fewestPairs() < kPairsThatTell) {
+    return;
   }
-  if (sums.fewestPairs() < kPairsThatTell) return;
   for (Pixel y = 0; y < height; ++y) {
     for (Pixel x = 0; x < width; ++x) {
       const float share = features.scattering(x, y);
@@ -228,8 +244,44 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
     }
   }
   const bool tells = frame.tiles.samplesDone() >= kSamplesThatTellTheRest;
-  correction_.emplace(
-      correctionOf(sums, features, each, scattering_, tells ? lit_ : std::vector<vec3>()));
+  const std::vector<vec3> denoised = tells ? lit_ : std::vector<vec3>();
+  if (frame.dial) dialled_.emplace(frame, scattering_);
+  if (frame.dial && denoised.empty()) return;
+  correction_.emplace(correctionOf(frame, each, scattering_, denoised));
+}
+
+/// What the guess of all pixels lacks, and its variance.
+void ShownPicture::addMissing(const FrameBuffers& frame) {
+  const Accumulator& sums = frame.sums;
+  for (const Tile& tile : frame.tiles.tiles()) {
+    double sum = 0.0, squares = 0.0, pairs = 0.0;
+    for (std::uint32_t y = tile.y; y < tile.y + tile.height; ++y) {
+      for (std::uint32_t x = tile.x; x < tile.x + tile.width; ++x) {
+        const Moments d = sums.difference(x, y);
+        const dvec3 m = d.mean();
+        if (!frame.dial) {
+          missing_ += m.x + m.y + m.z;
+          continue;
+        }
+        const auto n = static_cast<double>(d.count());
+        const double one = m.x + m.y + m.z;
+        const dvec3 square = d.squares();
+        sum += one * n;
+        squares += 3.0 * (square.x + square.y + square.z);
+        pairs += n;
+      }
+    }
+    if (pairs == 0.0) continue;
+    const double pixels = double{1} * tile.width * tile.height;
+    missing_ += pixels * sum / pairs;
+    doubt_ += pixels * pixels * squares / (pairs * pairs);
+  }
+}
+
+/// A part of a pixel's correction.
+void ShownPicture::takeIn(std::size_t pixel, const vec3& part) {
+  lit_[pixel] += part;
+  missing_ -= static_cast<double>(part.x + part.y + part.z);
 }
 
 bool ShownPicture::advance(const std::function<bool()>& keepGoing) {
@@ -245,17 +297,23 @@ bool ShownPicture::advance(const std::function<bool()>& keepGoing) {
     spread_.reset();
     thin_.reset();
   }
+  if (keepGuess_ && guessLight_.empty()) guessLight_ = lit_;
+  if (dialled_) {
+    if (!dialled_->advance(keepGoing)) return false;
+    std::vector<vec3> all = picture_;
+    for (std::size_t i = 0; i < all.size(); ++i) all[i] += lit_[i];
+    const std::vector<vec3> add = dialled_->take(all);
+    biasLeft_ = dialled_->errorLeft();
+    for (std::size_t i = 0; i < add.size(); ++i) takeIn(i, add[i]);
+    dialled_.reset();
+  }
   if (correction_) {
     if (!correction_->advance(keepGoing)) return false;
     const auto add = correction_->result();
-    for (std::size_t i = 0; i < add.size(); ++i) {
-      const vec3 part = add[i] * scattering_[i];
-      lit_[i] += part;
-      missing_ -= static_cast<double>(part.x + part.y + part.z);
-    }
+    for (std::size_t i = 0; i < add.size(); ++i) takeIn(i, add[i] * scattering_[i]);
     correction_.reset();
   }
-  if (missing_ != 0.0) makeUp(lit_, missing_);
+  if (missing_ != 0.0) makeUp(lit_, missing_, doubt_);
   missing_ = 0.0;
   for (std::size_t i = 0; i < lit_.size(); ++i) picture_[i] += lit_[i];
   lit_.clear();
