@@ -34,7 +34,7 @@ struct ShareFigures {
 };
 
 /// Shares are never less: pairs grow without end, so pictures converge.
-inline constexpr double kLeastShare = 1.0 / 32.0;
+inline constexpr double kLeastShareOfPairs = 1.0 / 32.0;
 /// Of the first samples, of which nothing is known.
 inline constexpr double kFirstShare = 1.0 / 16.0;
 
@@ -47,8 +47,8 @@ double expectedError(const ShareFigures& figures, double samples, double pairs);
 /// where it is negative.
 void poolBias(std::span<ShareFigures> regions);
 
-/// Shares of the regions, kLeastShare to 1, with which as many rays again as were spent so far
-/// lower the mean of expectedError() most. Every pixel has `samples` >= 1 samples; bias and
+/// Shares of the regions, kLeastShareOfPairs to 1, with which as many rays again as were spent so
+/// far lower the mean of expectedError() most. Every pixel has `samples` >= 1 samples; bias and
 /// variances not negative. Of a region whose bias stands out of all noise the share is, in the end,
 /// that of multilevel estimation, proportional to sqrt(pairVariance / pairCost) [Giles 2008].
 std::vector<double> chooseShares(std::span<const ShareFigures> regions, double samples);

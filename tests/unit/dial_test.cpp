@@ -41,7 +41,7 @@ TEST(ShareRule, ErrorHasItsLimits) {
 
 TEST(ShareRule, WithoutBiasPairsAreFew) {
   for (const double samples : {2.0, 64.0, 4096.0}) {
-    EXPECT_DOUBLE_EQ(chooseShares(std::vector{figures(0.0)}, samples)[0], kLeastShare);
+    EXPECT_DOUBLE_EQ(chooseShares(std::vector{figures(0.0)}, samples)[0], kLeastShareOfPairs);
   }
 }
 
@@ -99,7 +99,9 @@ TEST(ShareRule, NoOtherSharesAreBetter) {
   const double chosen = errorOf(chooseShares(regions, kSamples));
   for (int a = 0; a <= 20; ++a) {
     for (int b = 0; b <= 20; ++b) {
-      const auto share = [](int i) { return kLeastShare * std::pow(1.0 / kLeastShare, i / 20.0); };
+      const auto share = [](int i) {
+        return kLeastShareOfPairs * std::pow(1.0 / kLeastShareOfPairs, i / 20.0);
+      };
       EXPECT_LE(chosen, 1.02 * errorOf({share(a), share(b)})) << a << ' ' << b;
     }
   }
@@ -121,7 +123,7 @@ TEST(ShareRule, SharesStayInTheirRange) {
                          .bias = {{any(), 0.0}, {any(), 0.0}}});
     }
     for (const double share : chooseShares(regions, 8.0)) {
-      EXPECT_GE(share, kLeastShare);
+      EXPECT_GE(share, kLeastShareOfPairs);
       EXPECT_LE(share, 1.0);
     }
   }
