@@ -1,12 +1,26 @@
 #include "src/paths/path_tracer.h"
 
 #include "src/paths/wave.h"
+#include "src/scene/texture.h"
 
 namespace trex {
 
-/// Decodes the surface that was hit and takes what it sends out, and cached light.
+/// Decodes the surfaces that were hit, and asks memory for their textures.
+void PathTracer::decode(Wave& wave) const {
+  for (WavePath* path : wave.underWay) {
+    path->surface = rays_.surface(path->hit);
+    const Material& material = scene_.materials[path->surface.material];
+    for (const Texture* texture : {&material.baseColorTexture, &material.metallicRoughnessTexture,
+                                   &material.normalTexture}) {
+      if (!texture->present()) continue;
+      prefetchTexture(scene_.images[static_cast<std::size_t>(texture->image)], *texture,
+                      path->surface.texCoords[texture->set]);
+    }
+  }
+}
+
+/// Takes what the surface sends out, and cached light.
 Fate PathTracer::arrive(WavePath& path) const {
-  path.surface = rays_.surface(path.hit);
   const Surface& surface = path.surface;
   const Bsdf& bsdf = path.bsdf.emplace(scene_, surface, -path.direction);
   path.coneVertex = false;

@@ -1,7 +1,9 @@
 #include "src/paths/path_tracer.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <span>
 
 #include "src/paths/wave.h"
 
@@ -20,15 +22,28 @@ float lightWeight(const LightSample& light, float pdf, float scattered) {
 
 }  // namespace
 
-/// Next event estimation: chooses one light. Shadow rays of small lights are C-rays; large ones are
-/// cones where this device makes them worth it.
-void PathTracer::ask(WavePath& path, Wave& wave) const {
+/// Next event estimation: chooses one light for each path that is lit.
+void PathTracer::ask(Wave& wave) const {
+  std::array<LightChoice, Wave::kPaths> choices;
+  std::array<WavePath*, Wave::kPaths> paths;
+  std::size_t count = 0;
+  for (WavePath* path : wave.underWay) {
+    path->asks = false;
+    if (path->fate != Fate::kLit || lights_.empty()) continue;
+    choices[count] = {.at = &path->here(), .sampler = &path->sampler};
+    paths[count++] = path;
+  }
+  lights_.choose(std::span(choices).first(count));
+  for (std::size_t i = 0; i < count; ++i) ask(*paths[i], choices[i], wave);
+}
+
+/// Shadow rays of small lights are C-rays; large ones are cones where this device makes them worth
+/// it.
+void PathTracer::ask(WavePath& path, const LightChoice& choice, Wave& wave) const {
   const Bsdf& bsdf = *path.bsdf;
-  path.asks = false;
-  if (lights_.empty()) return;
   LightQuestion& q = path.question;
   q.light = LightSample{};
-  if (!lights_.sample(path.here(), path.sampler, q.light)) return;
+  if (!lights_.sample(choice, q.light)) return;
   const LightSample& light = q.light;
   const bool caustic = light.delta && path.spread && path.caustics != nullptr;
   q.kind = caustic ? LobeKind::kBroad : LobeKind::kAll;

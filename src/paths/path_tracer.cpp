@@ -68,13 +68,12 @@ PathState PathTracer::generate(const PathJob& job, std::uint32_t number, Sampler
 void PathTracer::run(Wave& wave) const {
   extendFirst(wave);
   while (!wave.underWay.empty()) {
+    decode(wave);
     std::erase_if(wave.underWay, [&](WavePath* path) {
       path->fate = arrive(*path);
       return path->fate == Fate::kEnds;
     });
-    for (WavePath* path : wave.underWay) {
-      if (path->fate == Fate::kLit) ask(*path, wave);
-    }
+    ask(wave);
     for (WavePath* path : wave.underWay) {
       if (path->fate == Fate::kLit) answer(*path);
     }

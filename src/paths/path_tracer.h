@@ -72,13 +72,15 @@ class PathTracer {
   bool handToCone(WavePath& path, Wave& wave) const;
   void miss(WavePath& path) const;
 
+  void decode(Wave& wave) const;
   Fate arrive(WavePath& path) const;
   bool passLayer(WavePath& path) const;
   void look(WavePath& path) const;
   void emit(WavePath& path) const;
   bool endInCache(WavePath& path) const;
 
-  void ask(WavePath& path, Wave& wave) const;
+  void ask(Wave& wave) const;
+  void ask(WavePath& path, const LightChoice& choice, Wave& wave) const;
   void shadowCone(WavePath& path, const vec3& radiance, Wave& wave) const;
   void answer(WavePath& path) const;
   void takeAnswer(WavePath& path) const;
