@@ -172,6 +172,10 @@ class RayScene {
   void intersect(std::span<const RayQuery> rays, std::span<RayHit> hits,
                  std::span<std::uint8_t> answers) const;
   void occluded(std::span<const RayQuery> rays, std::span<std::uint8_t> answers) const;
+  /// Whether the mesh of a hit is in memory and lies in render space as it is; its triangle().
+  /// Thread safe.
+  bool inPlace(const RayHit& hit) const;
+  hccm::Triangle triangle(const RayHit& hit) const;
   /// Decodes a hit. Thread safe.
   Surface surface(const RayHit& hit) const;
   /// Where a ray along `direction` starts that was scattered at a surface and leaves it on its

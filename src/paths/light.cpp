@@ -22,7 +22,7 @@ float lightWeight(const LightSample& light, float pdf, float scattered) {
 
 }  // namespace
 
-/// Next event estimation: chooses one light for each path that is lit.
+/// Next event estimation: chooses one light for each path that is lit, and asks for it.
 void PathTracer::ask(Wave& wave) const {
   std::array<LightChoice, Wave::kPaths> choices;
   std::array<WavePath*, Wave::kPaths> paths;
@@ -34,23 +34,43 @@ void PathTracer::ask(Wave& wave) const {
     paths[count++] = path;
   }
   lights_.choose(std::span(choices).first(count));
-  for (std::size_t i = 0; i < count; ++i) ask(*paths[i], choices[i], wave);
+  std::array<PlainValues, Wave::kPaths / PlainLanes::kLanes> values{};
+  for (std::size_t i = 0; i < count; ++i) {
+    WavePath& path = *paths[i];
+    LightSample& light = path.question.light = LightSample{};
+    path.asks = lights_.sample(choices[i], light);
+    if (!path.isPlain()) continue;
+    PlainValues& of = values[path.place / PlainLanes::kLanes];
+    for (int k = 0; k < 3; ++k) of.direction[k][Wave::laneOf(path)] = light.direction[k];
+  }
+  for (std::size_t i = 0; i < wave.plainBlocks(); ++i) kernels_->value(wave.plain[i], values[i]);
+  for (std::size_t i = 0; i < count; ++i) {
+    WavePath& path = *paths[i];
+    if (!path.asks) continue;
+    path.asks = path.isPlain() ? askPlain(path, wave, values[path.place / PlainLanes::kLanes])
+                               : askLight(path, wave);
+  }
 }
 
-/// Shadow rays of small lights are C-rays; large ones are cones where this device makes them worth
-/// it.
-void PathTracer::ask(WavePath& path, const LightChoice& choice, Wave& wave) const {
+/// For one path alone.
+void PathTracer::ask(WavePath& path, Wave& wave) const {
+  LightSample& light = path.question.light = LightSample{};
+  path.asks = !lights_.empty() && lights_.sample(path.here(), path.sampler, light) &&
+              askLight(path, wave);
+}
+
+/// Makes a question of a light that was sampled. Shadow rays of small lights are C-rays; large ones
+/// are cones where this device makes them worth it. False if the light does not count.
+bool PathTracer::askLight(WavePath& path, Wave& wave) const {
   const Bsdf& bsdf = *path.bsdf;
   LightQuestion& q = path.question;
-  q.light = LightSample{};
-  if (!lights_.sample(choice, q.light)) return;
   const LightSample& light = q.light;
   const bool caustic = light.delta && path.spread && path.caustics != nullptr;
   q.kind = caustic ? LobeKind::kBroad : LobeKind::kAll;
   q.surface = bsdf.value(light.direction, q.kind);
-  if (maxComponent(q.surface.f) <= 0.0f) return;
+  if (maxComponent(q.surface.f) <= 0.0f) return false;
   if (!rays_.leave(path.surface, light.direction, bsdf.leavesFront(light.direction), q.start))
-    return;
+    return false;
   // A cone vertex gathers its far field without emission, so a far emitter is light sampling's
   // alone.
   const float near = path.coneVertex ? nearField() : 0.0f;
@@ -60,29 +80,42 @@ void PathTracer::ask(WavePath& path, const LightChoice& choice, Wave& wave) cons
   if (q.coneShadow) {
     const float weight = q.farEmitter ? 1.0f : lightWeight(light, light.pdf, q.surface.pdf);
     shadowCone(path, path.throughput * q.surface.f * light.radiance / light.pdf * weight, wave);
-    if (!path.paired) return;
+    if (!path.paired) return false;
   }
-  path.asks = true;
+  return true;
+}
+
+/// The same at a plain surface, which is no cone vertex.
+bool PathTracer::askPlain(WavePath& path, const Wave& wave, const PlainValues& values) const {
+  const PlainLanes& lanes = wave.lanesOf(path);
+  const std::size_t lane = Wave::laneOf(path);
+  LightQuestion& q = path.question;
+  q.kind = LobeKind::kAll;
+  q.surface = {PlainLanes::vector(values.f, lane), values.pdf[lane]};
+  q.farEmitter = q.coneShadow = false;
+  return maxComponent(q.surface.f) > 0.0f &&
+         rays_.leave(path.surface, q.light.direction, lanes.leavesFront(q.light.direction, lane),
+                     q.start);
 }
 
 /// What arrives of the light that was chosen, and of caustics.
 void PathTracer::answer(WavePath& path) const {
-  const Bsdf& bsdf = *path.bsdf;
   if (path.asks) takeAnswer(path);
   if (path.caustics == nullptr) return;
   const CausticMap& map = path.scattered == 0 ? *path.caustics->seen : *path.caustics->later;
-  const vec3 light = map.radiance(path.surface, bsdf, !path.spread);
+  const vec3 light = map.radiance(path.surface, *path.bsdf, !path.spread);
   path.add(path.throughput * light, path.scattered == 0);
 }
 
 void PathTracer::takeAnswer(WavePath& path) const {
-  const Bsdf& bsdf = *path.bsdf;
   const LightQuestion& q = path.question;
   const LightSample& light = q.light;
-  const vec3 absorption = bsdf.absorptionTowards(light.direction, path.absorption);
+  const vec3 absorption =
+      path.isPlain() ? path.absorption
+                     : path.bsdf->absorptionTowards(light.direction, path.absorption);
   const LightConnection way = connect(path, q.start, light.direction, light.end(), absorption);
   if (!way.reaches()) return;
-  const BsdfValue surface = way.refracted ? bsdf.value(way.direction, q.kind) : q.surface;
+  const BsdfValue surface = way.refracted ? bsdfOf(path).value(way.direction, q.kind) : q.surface;
   const float pdf = light.pdfBy(way);
   const vec3 unweighted = path.throughput * surface.f * light.radiance * way.passed / pdf;
   const float weight = lightWeight(light, pdf, surface.pdf),

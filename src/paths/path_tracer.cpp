@@ -18,7 +18,13 @@ PathTracer::PathTracer(const Scene& scene, const RayScene& rays, const LightSet&
       seed_(seed),
       background_(background),
       layers_(scene, rays),
-      caustics_(caustics) {}
+      caustics_(caustics),
+      kernels_(choosePlainKernels()) {
+  // Media add light on the way, and cones ask for more of a surface.
+  if (media_ == nullptr && !guess_.cones) {
+    plain_ = plainMaterials(scene.materials);
+  }
+}
 
 void PathTracer::trace(std::span<const PathJob> jobs, std::uint32_t width, std::uint32_t first,
                        std::span<PathSample> samples, std::span<RayCounts> counts,
@@ -70,15 +76,14 @@ void PathTracer::run(Wave& wave) const {
   while (!wave.underWay.empty()) {
     decode(wave);
     std::erase_if(wave.underWay, [&](WavePath* path) {
-      path->fate = arrive(*path);
+      path->fate = path->isPlain() ? arrivePlain(*path, wave) : arrive(*path);
       return path->fate == Fate::kEnds;
     });
     ask(wave);
     for (WavePath* path : wave.underWay) {
       if (path->fate == Fate::kLit) answer(*path);
     }
-    std::erase_if(wave.underWay,
-                  [&](WavePath* path) { return path->fate != Fate::kPasses && !scatter(*path); });
+    scatter(wave);
     std::erase_if(wave.underWay, [&](WavePath* path) { return !extend(*path, wave); });
   }
 }

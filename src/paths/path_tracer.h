@@ -24,6 +24,7 @@
 #include "src/crays/clear_path.h"
 #include "src/crays/light_cache.h"
 #include "src/crays/lights.h"
+#include "src/crays/plain_lanes.h"
 #include "src/crays/ray_scene.h"
 #include "src/paths/path_sample.h"
 
@@ -31,6 +32,7 @@ namespace trex {
 
 enum class Fate : std::uint8_t;
 struct PathState;
+struct Turning;
 struct Wave;
 struct WavePath;
 
@@ -73,14 +75,24 @@ class PathTracer {
   void miss(WavePath& path) const;
 
   void decode(Wave& wave) const;
+  bool decodePlain(WavePath& path, Wave& wave) const;
+  void prefetchTextures(const WavePath& path) const;
+  void colourPlain(const WavePath& path, Wave& wave) const;
+  void finishPlain(WavePath& path, const Wave& wave) const;
+  const Bsdf& bsdfOf(WavePath& path) const;
   Fate arrive(WavePath& path) const;
+  Fate arrivePlain(WavePath& path, const Wave& wave) const;
   bool passLayer(WavePath& path) const;
+  void meet(WavePath& path) const;
   void look(WavePath& path) const;
+  void see(WavePath& path, const vec3& albedo, const vec3& normal) const;
   void emit(WavePath& path) const;
-  bool endInCache(WavePath& path) const;
+  bool endInCache(WavePath& path, const vec3& side) const;
 
   void ask(Wave& wave) const;
-  void ask(WavePath& path, const LightChoice& choice, Wave& wave) const;
+  void ask(WavePath& path, Wave& wave) const;
+  bool askLight(WavePath& path, Wave& wave) const;
+  bool askPlain(WavePath& path, const Wave& wave, const PlainValues& values) const;
   void shadowCone(WavePath& path, const vec3& radiance, Wave& wave) const;
   void answer(WavePath& path) const;
   void takeAnswer(WavePath& path) const;
@@ -94,7 +106,10 @@ class PathTracer {
   vec3 scatteredLight(WavePath& path, const dvec3& point, float anisotropy) const;
   vec3 lightAlong(WavePath& path, const dvec3& point, const vec3& direction, float pdf) const;
 
+  void scatter(Wave& wave) const;
   bool scatter(WavePath& path) const;
+  bool scatterPlain(WavePath& path, const Wave& wave, const PlainSamples& samples) const;
+  bool goOn(WavePath& path, const BsdfSample& next, const Turning& how) const;
   void passClear(WavePath& path, const vec3& direction) const;
 
   float nearField() const;
@@ -109,6 +124,8 @@ class PathTracer {
   bool background_;
   ClearLayers layers_;
   const CausticMaps* caustics_;
+  std::vector<PlainMaterial> plain_;  ///< by material; empty: no surface is plain
+  const PlainKernels* kernels_;
 };
 
 }  // namespace trex
