@@ -442,7 +442,8 @@ HWY_NOINLINE bool testExpandedLeaf(const ExpandedLeaf& leaf, PreparedRay& ray, H
   bool found = false;
   for (std::uint32_t first = 0; first < leaf.triangles && !(kAny && found); first += kLanes)
     found |= testTriangles<kAny>(triangles, cornersOf(leaf, first, ray),
-                                 hn::FirstN(DF(), leaf.triangles - first), first, ray, hit);
+                                 hn::FirstN(DF(), std::uint32_t{leaf.triangles} - first), first,
+                                 ray, hit);
   return found;
 }
 

@@ -28,12 +28,11 @@ struct Sums {
   }
   /// The lane that holds a share of all; never one without weight.
   std::uint32_t find(double target) const {
-    std::uint32_t lane = 0, last = 0;
-    for (std::uint32_t i = 0; i + 1 < kLanes; ++i) {
-      lane += target >= upTo[i] ? 1u : 0u;
-      last += upTo[i] < all() ? 1u : 0u;
-    }
-    return std::min(lane, last);
+    std::uint32_t lane = 0;
+    for (std::uint32_t i = 0; i + 1 < kLanes; ++i) lane += target >= upTo[i] ? 1u : 0u;
+    // Of a target that was rounded up to the sum of all.
+    while (lane > 0 && !(weights[lane] > 0.0f)) --lane;
+    return lane;
   }
 };
 

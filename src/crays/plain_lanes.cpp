@@ -80,8 +80,8 @@ HWY_INLINE Normals shadeSurface(PlainLanes& l, std::size_t first, MD& sound) {
       lift[0] = select(below, lift[0] - by, lift[0]);
       lift[1] = select(below, lift[1], lift[1] - by);
     }
-    const MD lifts = hn::And(
-        smooth, hn::And(hn::Gt(lowest, set(kLeastLifted)), hn::Le(lowest, set(kFlat))));
+    const MD lifts =
+        hn::And(smooth, hn::And(hn::Gt(lowest, set(kLeastLifted)), hn::Le(lowest, set(kFlat))));
     for (VD3& one : lift) one = select(lifts, one, VD3{none, none, none});
     bend = select(lifts, hn::Sqrt(set(1.0) - lowest * lowest), none);
     n.shading = select(smooth, mixed * side, normal);

@@ -1,6 +1,7 @@
 // Plain surfaces eight at a time: decoded triangles to points and normals, their materials to
-// scattering. What makeSurface() and Bsdf do for any surface, with the same bits, for the commonest:
-// opaque, not emitting, Lambertian or metallic-roughness that is not sharp, no normal map.
+// scattering. What makeSurface() and Bsdf do for any surface, with the same bits, for the
+// commonest: opaque, not emitting, Lambertian or metallic-roughness that is not sharp, no normal
+// map.
 #pragma once
 
 #include <cstddef>
@@ -52,7 +53,7 @@ struct alignas(64) PlainLanes {
   Floats tangent[3], bitangent[3], normal[3], out[3];
   Floats diffuse[3], masked, diffuseLobe, specularLobe;
   std::uint32_t front, lambertian;  ///< bits
-  std::uint32_t odd;  ///< bits: degenerate, nothing else of these lanes holds
+  std::uint32_t odd;                ///< bits: degenerate, nothing else of these lanes holds
 
   static bool is(std::uint32_t bits, std::size_t lane) { return (bits >> lane & 1u) != 0; }
   template <typename T>

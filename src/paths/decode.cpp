@@ -71,9 +71,8 @@ void PathTracer::prefetchTextures(const WavePath& path) const {
 void PathTracer::colourPlain(const WavePath& path, Wave& wave) const {
   PlainLanes& lanes = wave.plain[path.place / PlainLanes::kLanes];
   const std::size_t lane = Wave::laneOf(path);
-  const PlainMaterial material =
-      plain_[path.surface.material].at(scene_, path.surface.material, path.surface.texCoords,
-                                       path.surface.color);
+  const PlainMaterial material = plain_[path.surface.material].at(
+      scene_, path.surface.material, path.surface.texCoords, path.surface.color);
   for (int k = 0; k < 3; ++k) {
     lanes.color[k][lane] = material.color[k];
     lanes.f0[k][lane] = material.f0[k];

@@ -55,8 +55,8 @@ void PathTracer::ask(Wave& wave) const {
 /// For one path alone.
 void PathTracer::ask(WavePath& path, Wave& wave) const {
   LightSample& light = path.question.light = LightSample{};
-  path.asks = !lights_.empty() && lights_.sample(path.here(), path.sampler, light) &&
-              askLight(path, wave);
+  path.asks =
+      !lights_.empty() && lights_.sample(path.here(), path.sampler, light) && askLight(path, wave);
 }
 
 /// Makes a question of a light that was sampled. Shadow rays of small lights are C-rays; large ones
@@ -110,9 +110,9 @@ void PathTracer::answer(WavePath& path) const {
 void PathTracer::takeAnswer(WavePath& path) const {
   const LightQuestion& q = path.question;
   const LightSample& light = q.light;
-  const vec3 absorption =
-      path.isPlain() ? path.absorption
-                     : path.bsdf->absorptionTowards(light.direction, path.absorption);
+  const vec3 absorption = path.isPlain()
+                              ? path.absorption
+                              : path.bsdf->absorptionTowards(light.direction, path.absorption);
   const LightConnection way = connect(path, q.start, light.direction, light.end(), absorption);
   if (!way.reaches()) return;
   const BsdfValue surface = way.refracted ? bsdfOf(path).value(way.direction, q.kind) : q.surface;

@@ -3,10 +3,10 @@
 //
 // Paths are data (path_state.h) and go in waves through stages, each in one file:
 //
-//   generate ─► extend ─► arrive ─► ask ─► answer ─► scatter ─┐
-//                 ▲  trace   surface  choose  shadow   next     │
-//                 │          cache    light   ray      ray      │
-//                 └─────────────────────────────────────────────┘
+//   generate ─► extend ─► decode ─► arrive ─► ask ─► answer ─► scatter ─┐
+//                 ▲ trace surface   cache     choose shadow    next     │
+//                 │                           light  ray       ray      │
+//                 └─────────────────────────────────────────────────────┘
 //
 // As long as guess and exact path agree a path's light is `common`. Where the footprint rule lets a
 // ray end in cached light (G1) or hands it to a cone (G0), the guess leaves the path: what it adds

@@ -62,9 +62,9 @@ bool PathTracer::scatterPlain(WavePath& path, const Wave& wave, const PlainSampl
   next.weight = PlainLanes::vector(samples.weight, lane);
   next.pdf = samples.pdf[lane];
   next.roughness = samples.roughness[lane];
-  return goOn(path, next,
-              {false, lanes.leavesFront(next.direction, lane),
-               PlainLanes::vector(lanes.normal, lane)});
+  return goOn(
+      path, next,
+      {false, lanes.leavesFront(next.direction, lane), PlainLanes::vector(lanes.normal, lane)});
 }
 
 bool PathTracer::goOn(WavePath& path, const BsdfSample& next, const Turning& how) const {

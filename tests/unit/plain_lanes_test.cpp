@@ -3,8 +3,8 @@
 
 #include <gtest/gtest.h>
 
-#include <cstring>
 #include <hwy/highway.h>
+#include <cstring>
 #include <vector>
 
 #include "src/crays/bsdf.h"
@@ -106,8 +106,7 @@ void expectSame(const PlainLanes& lanes, std::size_t lane, const Surface& surfac
   EXPECT_TRUE(same(lanes.bend[lane], surface.bend));
   EXPECT_TRUE(same(at(lanes.facing), bsdf.geometricNormal()));
   EXPECT_TRUE(same(at(lanes.normal), bsdf.normal()));
-  EXPECT_EQ(bsdf.cacheable(),
-            lanes.specularLobe[lane] * lanes.metallic[lane] <= Bsdf::kMostSharp);
+  EXPECT_EQ(bsdf.cacheable(), lanes.specularLobe[lane] * lanes.metallic[lane] <= Bsdf::kMostSharp);
   if (!PlainLanes::is(lanes.lambertian, lane)) return;
   EXPECT_EQ(bsdf.albedo(), glm::min(at(lanes.diffuse), vec3(1.0f)));
 }
@@ -122,7 +121,7 @@ int compare(const Scene& scene, const std::vector<PlainMaterial>& plain, std::ui
   std::vector<Surface> surfaces;
   std::vector<Bsdf> bsdfs;
   for (std::uint32_t lane = 0; lane < PlainLanes::kLanes; ++lane) {
-    const std::uint32_t material = hash32(first + lane) % plain.size();
+    const std::uint32_t material = hash32(first + lane) % static_cast<std::uint32_t>(plain.size());
     met[lane] = randomHit(first + lane);
     met[lane].triangle.material = material;
     set(lanes, lane, met[lane], plain[material]);
