@@ -26,10 +26,9 @@ struct PlainMaterial {
                    const vec4& vertexColor) const;
 };
 
-/// By material. A lobe of one with a roughness texture may turn out to be too sharp, see isPlain().
+/// By material. A lobe of one with a roughness texture may turn out to be too sharp: of alpha up to
+/// kClearAlpha.
 std::vector<PlainMaterial> plainMaterials(const std::vector<Material>& materials);
-/// Whether a lobe of this alpha is a plain surface's: what is seen in it stands for nothing.
-bool isPlain(float alpha);
 
 /// Eight of them, a lane each. Lanes in no use may hold anything.
 struct alignas(64) PlainLanes {

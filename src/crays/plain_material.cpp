@@ -6,8 +6,6 @@
 
 namespace trex {
 
-bool isPlain(float alpha) { return alpha > kClearAlpha; }
-
 PlainMaterial PlainMaterial::at(const Scene& scene, std::uint32_t number, const TexCoords& uv,
                                 const vec4& vertexColor) const {
   PlainMaterial out = *this;
@@ -41,7 +39,7 @@ std::vector<PlainMaterial> plainMaterials(const std::vector<Material>& materials
     p.plain = m.alphaMode == AlphaMode::kOpaque && !m.unlit && !m.emits() &&
               !(m.transmission > 0.0f) && !m.finish.present() && !m.normalTexture.present() &&
               !m.specularTexture.present() && !m.specularColorTexture.present() &&
-              (p.roughnessTexture || isPlain(p.alpha));
+              (p.roughnessTexture || p.alpha > kClearAlpha);
   }
   return out;
 }

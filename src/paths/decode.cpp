@@ -86,7 +86,7 @@ void PathTracer::colourPlain(const WavePath& path, Wave& wave) const {
 void PathTracer::finishPlain(WavePath& path, const Wave& wave) const {
   const PlainLanes& lanes = wave.lanesOf(path);
   const std::size_t lane = Wave::laneOf(path);
-  if (PlainLanes::is(lanes.odd, lane) || !isPlain(lanes.alpha[lane])) {
+  if (PlainLanes::is(lanes.odd, lane) || !(lanes.alpha[lane] > kClearAlpha)) {
     path.place = WavePath::kNotPlain;
     path.surface = rays_.surface(path.hit);
     return;
