@@ -27,12 +27,15 @@ GridBox leafBoxOf(const ExpandedLeaf& leaf) {
 }  // namespace
 
 Expanded::Expanded(const Mesh& mesh) {
-  std::vector<std::size_t> firstLeaf{0};
-  for (std::uint32_t i = 0; i < mesh.clusterCount(); ++i)
-    firstLeaf.push_back(firstLeaf.back() + mesh.clusterLeafCount(i));
-  leaves_.resize(firstLeaf.back());
+  std::uint32_t leaves = 0;
+  firstLeaf_.reserve(mesh.clusterCount());
+  for (std::uint32_t i = 0; i < mesh.clusterCount(); ++i) {
+    firstLeaf_.push_back(leaves);
+    leaves += mesh.clusterLeafCount(i);
+  }
+  leaves_.resize(leaves);
   tbb::parallel_for(std::uint32_t{0}, mesh.clusterCount(),
-                    [&](std::uint32_t i) { expandCluster(mesh, i, firstLeaf[i]); });
+                    [&](std::uint32_t i) { expandCluster(mesh, i, firstLeaf_[i]); });
   makeNodes();
 }
 
@@ -45,10 +48,15 @@ void Expanded::expandCluster(const Mesh& mesh, std::uint32_t cluster, std::size_
   for (std::uint32_t i = 0; i < h.leafCount; ++i) {
     const LeafTopology topology = readLeaf(blob + layout::recordOffset(blob, h, i));
     ExpandedLeaf& leaf = leaves_[firstLeaf + i];
-    leaf = {.corner = {}, .cluster = cluster, .number = i, .triangles = topology.triangles};
+    leaf = {.corner = {},
+            .cluster = cluster,
+            .number = static_cast<std::uint8_t>(i),
+            .triangles = static_cast<std::uint8_t>(topology.triangles),
+            .vertex = {}};
     for (int corner = 0; corner < 3; ++corner) {
       for (std::uint32_t t = 0; t < topology.triangles; ++t) {
-        const std::int32_t* at = grid[topology.vertex[topology.corner[corner][t]]];
+        leaf.vertex[corner][t] = topology.vertex[topology.corner[corner][t]];
+        const std::int32_t* at = grid[leaf.vertex[corner][t]];
         for (int k = 0; k < 3; ++k) leaf.corner[corner][k][t] = static_cast<float>(at[k]);
       }
     }

@@ -14,10 +14,11 @@ namespace hccm {
 class Mesh;
 
 /// Up to 8 triangles of a cluster.
-struct alignas(32) ExpandedLeaf {
-  float corner[3][3][8];          ///< grid cells: by corner, axis, triangle
-  std::uint32_t cluster, number;  ///< of the leaf in its cluster
-  std::uint32_t triangles;
+struct alignas(64) ExpandedLeaf {
+  float corner[3][3][8];  ///< grid cells: by corner, axis, triangle
+  std::uint32_t cluster;
+  std::uint8_t number, triangles;  ///< number: of the leaf in its cluster
+  std::uint8_t vertex[3][8];       ///< of the cluster: by corner, triangle
 };
 static_assert(sizeof(ExpandedLeaf) == 320);
 
@@ -34,13 +35,17 @@ static_assert(sizeof(ExpandedNode) == 224);
 class Expanded {
  public:
   /// Copies the corners of a valid mesh and nothing else: its clusters are still needed for what a
-  /// ray sees. About 360 bytes a leaf.
+  /// ray sees and for attributes. About 360 bytes a leaf.
   explicit Expanded(const Mesh& mesh);
 
   std::span<const ExpandedNode> nodes() const { return nodes_; }  ///< the root first
   std::span<const ExpandedLeaf> leaves() const { return leaves_; }
+  const ExpandedLeaf& leaf(std::uint32_t cluster, std::uint32_t number) const {
+    return leaves_[firstLeaf_[cluster] + number];
+  }
   std::uint64_t bytes() const {
-    return nodes_.size() * sizeof(ExpandedNode) + leaves_.size() * sizeof(ExpandedLeaf);
+    return nodes_.size() * sizeof(ExpandedNode) + leaves_.size() * sizeof(ExpandedLeaf) +
+           firstLeaf_.size() * sizeof(std::uint32_t);
   }
 
  private:
@@ -49,6 +54,7 @@ class Expanded {
 
   std::vector<ExpandedNode> nodes_;
   std::vector<ExpandedLeaf> leaves_;
+  std::vector<std::uint32_t> firstLeaf_;  ///< by cluster
 };
 
 }  // namespace hccm

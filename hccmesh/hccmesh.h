@@ -163,7 +163,7 @@ struct alignas(16) PreparedRay {
   float depth;                 ///< the direction's largest component, without sign
   std::int32_t axis[3];        ///< kx, ky, kz
   bool isFar;                  ///< `cell` is beyond what a float has exactly
-  std::uint32_t nearPlane[3];  ///< of lower x, upper x, lower y, ...: which the ray meets first
+  std::uint32_t nearPlane[4];  ///< of lower x, upper x, lower y, ...: which the ray meets first
   double shift;                ///< t that origin was moved forward by, in those units
   glm::dvec3 exactOrigin, direction, target;
   double slack, targetSlack;  ///< negative: no surface there

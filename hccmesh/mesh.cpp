@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <numeric>
 
@@ -188,14 +189,24 @@ Triangle Mesh::triangle(std::uint32_t cluster, std::uint32_t index) const {
   out.hasNormals = (h.flags & layout::kNormals) != 0;
   out.hasTexCoords = (h.flags & layout::kTexCoords) != 0;
   out.hasColors = (h.flags & layout::kColors) != 0;
+  const std::uint32_t place = index % layout::kLeafSize;
   std::uint32_t corners[3];
-  kernels_->corners(b + layout::recordOffset(b, h, index / layout::kLeafSize),
-                    index % layout::kLeafSize, corners);
+  if (expanded_) {
+    const ExpandedLeaf& leaf = expanded_->leaf(cluster, index / layout::kLeafSize);
+    for (int corner = 0; corner < 3; ++corner) {
+      corners[corner] = leaf.vertex[corner][place];
+      for (int k = 0; k < 3; ++k) out.position[corner][k] = leaf.corner[corner][k][place] * step;
+    }
+  } else {
+    kernels_->corners(b + layout::recordOffset(b, h, index / layout::kLeafSize), place, corners);
+    for (int corner = 0; corner < 3; ++corner) {
+      std::int32_t grid[3];
+      layout::readVertex(b + o.vertices, h, corners[corner], grid);
+      for (int k = 0; k < 3; ++k) out.position[corner][k] = static_cast<float>(grid[k]) * step;
+    }
+  }
   for (std::uint32_t corner = 0; corner < 3; ++corner) {
     const std::uint32_t vertex = corners[corner];
-    std::int32_t grid[3];
-    layout::readVertex(b + o.vertices, h, vertex, grid);
-    for (int k = 0; k < 3; ++k) out.position[corner][k] = static_cast<float>(grid[k]) * step;
     if (out.hasNormals)
       out.normal[corner] = decodeOctahedral(readAs<std::uint32_t>(b + o.normals + 4u * vertex));
     if (out.hasTexCoords)
@@ -292,52 +303,82 @@ void setSurfaces(const Ray& ray, PreparedRay& p) {
   p.sureTo = std::min(0.9f * p.tfar, p.tfar - 64.0f * static_cast<float>(p.targetSlack));
 }
 
+// Four lanes, written in one piece as the test of boxes reads them: it would wait for what was
+// written number by number.
+using Floats = float __attribute__((vector_size(16)));
+using Ints = std::int32_t __attribute__((vector_size(16)));
+template <typename Lanes, typename T>
+void store(const Lanes& lanes, T (&to)[4]) {
+  static_assert(sizeof(lanes) == sizeof(to));
+  std::memcpy(to, &lanes, sizeof(lanes));
+}
+
+// A component this much smaller than the largest moves the ray by less than a cell. So no product
+// of its inverse and a place overflows.
+constexpr float kLeastComponent = 0x1p-40f;
+
+void setDirection(const Ray& ray, PreparedRay& p) {
+  const float d[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
+  const float size[3] = {std::abs(d[0]), std::abs(d[1]), std::abs(d[2])};
+  const int kz = longestAxis(size);
+  p.depth = size[kz];
+  // With the direction's sign they keep the winding.
+  static constexpr std::int8_t kAcross[2][3] = {{1, 2, 0}, {2, 0, 1}};
+  const bool down = d[kz] < 0.0f;
+  const int kx = kAcross[down][kz], ky = kAcross[!down][kz];
+  p.axis[0] = kx, p.axis[1] = ky, p.axis[2] = kz;
+  const Floats shear = Floats{d[kx], d[ky], 1.0f, 0.0f} / d[kz];
+  for (int k = 0; k < 3; ++k) p.shear[k] = shear[k];
+  const float least = p.depth * kLeastComponent;
+  const Floats away{d[0], d[1], d[2], 1.0f}, sizes{size[0], size[1], size[2], 1.0f};
+  const Ints sign = std::bit_cast<Ints>(away) & std::numeric_limits<std::int32_t>::min();
+  const Floats leasts{least, least, least, least};
+  const Floats far = std::bit_cast<Floats>(std::bit_cast<Ints>(leasts) | sign);
+  const Floats inverse = 1.0f / (sizes >= leasts ? away : far);
+  store(std::bit_cast<Floats>(std::bit_cast<Ints>(inverse) & Ints{-1, -1, -1, 0}), p.inverse);
+  store(Ints{0, 2, 4, 6} - (inverse < 0.0f), p.nearPlane);
+}
+
+void setOrigin(const glm::dvec3& whole, PreparedRay& p) {
+  const glm::dvec3 rest = p.exactOrigin - whole;
+  store(Ints{static_cast<std::int32_t>(whole.x), static_cast<std::int32_t>(whole.y),
+             static_cast<std::int32_t>(whole.z), 0},
+        p.cell);
+  store(Floats{static_cast<float>(rest.x), static_cast<float>(rest.y), static_cast<float>(rest.z),
+               0.0f},
+        p.origin);
+}
+
 }  // namespace
 
 PreparedRay Mesh::prepare(const Ray& ray) const {
   PreparedRay p;
   p.step = step_;
   p.cells = cells_;
-  const float d[3] = {ray.direction.x, ray.direction.y, ray.direction.z};
-  const float size[3] = {std::abs(d[0]), std::abs(d[1]), std::abs(d[2])};
-  const int kz = longestAxis(size);
-  const float largest = p.depth = size[kz];
-  // With the direction's sign they keep the winding.
-  static constexpr std::int8_t kAcross[2][3] = {{1, 2, 0}, {2, 0, 1}};
-  const bool down = d[kz] < 0.0f;
-  const int kx = kAcross[down][kz], ky = kAcross[!down][kz];
-  p.axis[0] = kx, p.axis[1] = ky, p.axis[2] = kz;
-  p.shear[0] = d[kx] / d[kz];
-  p.shear[1] = d[ky] / d[kz];
-  p.shear[2] = 1.0f / d[kz];
-  // A component this much smaller than the largest moves the ray by less than a cell. So no product
-  // of its inverse and a place overflows.
-  const float least = largest * 0x1p-40f;
-  for (int k = 0; k < 3; ++k) {
-    p.inverse[k] = 1.0f / (size[k] >= least ? d[k] : std::copysign(least, d[k]));
-    p.nearPlane[k] = 2u * static_cast<std::uint32_t>(k) + (p.inverse[k] < 0.0f ? 1u : 0u);
-  }
-  p.inverse[3] = p.origin[3] = 0.0f;
-  p.cell[3] = 0;
+  setDirection(ray, p);
   p.shift = 0.0;
   p.direction = ray.direction;
   p.exactOrigin = ray.origin * double(p.cells);  // exact: a power of two
   const glm::dvec3 away = glm::abs(p.exactOrigin);
-  if (std::max({away.x, away.y, away.z}) <= double(kFar)) {
+  if (away.x <= double(kFar) && away.y <= double(kFar) && away.z <= double(kFar)) [[likely]] {
     p.tnear = ray.tnear * p.cells;
     p.tfar = ray.tfar * p.cells;
+    setOrigin({std::rint(p.exactOrigin.x), std::rint(p.exactOrigin.y), std::rint(p.exactOrigin.z)},
+              p);
+    p.isFar = std::max({away.x, away.y, away.z}) > 0x1p24 + 0.5;
   } else {
     approach(ray, p);
-  }
-  p.isFar = false;
-  for (int k = 0; k < 3; ++k) {
-    const double whole = std::abs(p.exactOrigin[k]) < 0x1p30 ? std::rint(p.exactOrigin[k]) : 0.0;
-    p.cell[k] = static_cast<std::int32_t>(whole);
-    p.origin[k] = static_cast<float>(p.exactOrigin[k] - whole);
-    p.isFar |= std::abs(whole) > 0x1p24;
+    p.isFar = false;
+    glm::dvec3 whole(0.0);
+    for (int k = 0; k < 3; ++k) {
+      if (std::abs(p.exactOrigin[k]) < 0x1p30) whole[k] = std::rint(p.exactOrigin[k]);
+      p.isFar |= std::abs(whole[k]) > 0x1p24;
+    }
+    setOrigin(whole, p);
   }
   setSurfaces(ray, p);
-  if (!(largest >= 0x1p-60f) || !std::isfinite(size[0] + size[1] + size[2])) {
+  const glm::vec3 size = glm::abs(ray.direction);
+  if (!(p.depth >= 0x1p-60f) || !std::isfinite(size.x + size.y + size.z)) {
     p.tnear = std::numeric_limits<float>::infinity();  // an empty interval
     p.tfar = -p.tnear;
     for (int k = 0; k < 3; ++k) p.shear[k] = p.inverse[k] = 1.0f, p.nearPlane[k] = 2u * unsigned(k);

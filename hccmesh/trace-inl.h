@@ -47,16 +47,25 @@ inline bool Candidate::meets(const glm::dvec3 (&p)[3], const PreparedRay& ray) {
   t = height * inverse;
   u = glm::dot(moment, e2) * inverse;
   v = -glm::dot(moment, e1) * inverse;
-  // Single precision has let it through at an edge. A point on the edge itself would be as close to
-  // the plane of the neighbour as a point can be, so it moves inside by a millionth, but no more
-  // than a thousandth of a cell.
+  // Single precision has let it through at an edge, of the wrong one of two that share it maybe. A
+  // point on the edge itself would be as close to the plane of the neighbour as a point can be, so
+  // it moves inside by a millionth, but no more than a thousandth of a cell. The ray is off that
+  // point by as much as corners far away are rounded; t stays that of the plane, or something
+  // closely behind the triangle would be met before it, but of an edge-on one it does not run away.
   if (!(u >= 0.0 && v >= 0.0 && u + v <= 1.0)) {
     const double inside =
         std::min(0x1p-20, 0x1p-10 / std::sqrt(std::max(glm::dot(e1, e1), glm::dot(e2, e2))));
     u = std::clamp(u, inside, 1.0), v = std::clamp(v, inside, 1.0);
     const double most = std::max(1.0, (u + v) * (1.0 + inside));
     u /= most, v /= most;
-    t = glm::dot(a + u * e1 + v * e2, ray.direction) / glm::dot(ray.direction, ray.direction);
+    constexpr double kSlant = 16.0;
+    const glm::dvec3 place = a + u * e1 + v * e2;
+    const double length2 = glm::dot(ray.direction, ray.direction),
+                 closest = glm::dot(place, ray.direction) / length2,
+                 off = std::sqrt(
+                     glm::dot(place - closest * ray.direction, place - closest * ray.direction) /
+                     length2);
+    t = std::clamp(t, closest - kSlant * off, closest + kSlant * off);
   }
   return t >= double(ray.tnear);
 }
@@ -433,7 +442,8 @@ HWY_NOINLINE bool testExpandedLeaf(const ExpandedLeaf& leaf, PreparedRay& ray, H
   bool found = false;
   for (std::uint32_t first = 0; first < leaf.triangles && !(kAny && found); first += kLanes)
     found |= testTriangles<kAny>(triangles, cornersOf(leaf, first, ray),
-                                 hn::FirstN(DF(), leaf.triangles - first), first, ray, hit);
+                                 hn::FirstN(DF(), std::uint32_t{leaf.triangles} - first), first,
+                                 ray, hit);
   return found;
 }
 

@@ -495,7 +495,9 @@ class OpenCluster {
       return Vertex{grid(0), grid(1), grid(2)};
     });
     ExpandedLeaf& leaf = leaves_[number];
-    leaf.cluster = number_, leaf.number = number, leaf.triangles = code.triangles;
+    leaf.cluster = number_;
+    leaf.number = static_cast<std::uint8_t>(number);
+    leaf.triangles = static_cast<std::uint8_t>(code.triangles);
     for (std::uint32_t first = 0; first < code.triangles; first += kLanes) {
       const Corners c = vertices.corners(code, first);
       for (int i = 0; i < 3; ++i) {

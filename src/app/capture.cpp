@@ -34,8 +34,8 @@ ToneMap toneMapOf(const RenderArguments& a, float exposure) {
 std::uint64_t jobKey(const RenderArguments& a, const Model& model, const std::vector<View>& views) {
   const RenderSettings& s = a.settings;
   std::string text =
-      fmt::format("{} {}x{} {} {} {} {} {} {} {}", kVersion, s.width, s.height, s.exact, s.seed,
-                  static_cast<int>(s.guess), static_cast<int>(s.photonKind), s.device,
+      fmt::format("{} {}x{} {} {} {} {} {} {} {}", kVersion, s.width, s.height, exactText(s),
+                  s.seed, static_cast<int>(s.guess), static_cast<int>(s.photonKind), s.device,
                   static_cast<int>(s.denoise), a.environment);
   for (const SourceFile& file : model.scene.files)
     text += fmt::format(" {:016x}", hashFile(file.path));

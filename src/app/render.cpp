@@ -188,13 +188,11 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
   c->add_option("--spp", a->settings.samples, "Samples a pixel [64 unless --time is given]");
   c->add_option("--time", a->settings.seconds, "Seconds of rendering, filter included, set-up not")
       ->check(CLI::Range(0.0, 1e9));
-  c->add_option("--error", a->settings.error,
-                "Stop at this estimated relMSE of the noise; the guess's bias is not in it")
+  c->add_option(
+       "--error", a->settings.error,
+       "Stop at this estimated relMSE: with --exact auto of noise and bias, else of the noise")
       ->check(CLI::Range(0.0, 1e9));
-  c->add_option("--exact", a->settings.exact,
-                "Share of samples traced exactly: 0 fast and biased, 1 a path tracer")
-      ->check(CLI::Range(0.0, 1.0))
-      ->capture_default_str();
+  addExact(*c, a->settings);
   c->add_option("--camera", a->cameras,
                 std::string(kCameraHelp) + "; may be repeated; all: every camera of the file")
       ->allow_extra_args(false);

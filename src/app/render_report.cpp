@@ -34,7 +34,8 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
       {"width", a.settings.width},
       {"height", a.settings.height},
       {"samples", r.samplesDone},
-      {"exact", a.settings.exact},
+      {"exact", a.settings.dial ? nlohmann::json("auto") : nlohmann::json(a.settings.exact)},
+      {"exact_share", r.exactShare},
       {"seed", a.settings.seed},
       {"device", r.device},
       {"guess", guessName(r)},
@@ -107,7 +108,7 @@ void addMetadata(Picture& picture, const RenderArguments& a, const View& view,
   put("environment", a.environment.empty() ? "of the scene" : a.environment);
   put("samples", std::to_string(r.samplesDone));
   put("seed", std::to_string(a.settings.seed));
-  put("exact", fmt::format("{}", a.settings.exact));
+  put("exact", exactText(a.settings));
   put("guess", guessName(r));
   put("photonBounces", photonName(r));
   put("denoised", r.denoiser);

@@ -30,7 +30,7 @@ constexpr std::uintmax_t kMostReportBytes = std::uintmax_t{1} << 30;
 
 struct BenchArguments {
   std::vector<std::string> scenes, references, environments;
-  std::vector<double> shares{0.0, 0.05, 0.25, 1.0};
+  std::vector<std::string> shares{"0", "0.05", "0.25", "1", "auto"};
   double seconds = 60.0, referenceSeconds = 0.0;
   int threads = 0;
   RenderArguments render;
@@ -93,14 +93,12 @@ TradeoffArguments readArguments(BenchArguments& a) {
   if (std::isnan(a.seconds) || std::isnan(a.referenceSeconds)) {
     fail(ExitCode::kUsage, "--seconds nan: want seconds");
   }
-  for (double share : a.shares) {
-    if (!(share >= 0.0 && share <= 1.0)) fail(ExitCode::kUsage, "--exact {}: want 0 to 1", share);
-  }
   checkEnvironments(a);
   checkFiles(a);
   readSettings(a.render);
-  TradeoffArguments out{{}, a.shares, a.seconds, a.referenceSeconds, a.render.settings};
+  TradeoffArguments out{{}, {}, a.seconds, a.referenceSeconds, a.render.settings};
   out.settings.samples = 0;  // time alone ends a run
+  for (const std::string& share : a.shares) setExact(share, out.runs.emplace_back(out.settings));
   if (out.referenceSeconds <= 0.0) out.referenceSeconds = 4.0 * a.seconds;
   for (std::size_t i = 0; i < a.scenes.size(); ++i) {
     out.scenes.push_back({a.scenes[i], referenceOf(a, i), environmentOf(a, nameOf(a.scenes[i]))});
@@ -142,11 +140,11 @@ void printTable(const json& document) {
     for (const json& run : scene.at("runs")) {
       for (const json& p : run.at("points")) {
         fmt::print(
-            "  exact {:<5g} {:8.2f} s {:7} samples  relMSE {:<10.4g} FLIP {:.4f}  mean "
+            "  exact {:<5} {:8.2f} s {:7} samples  relMSE {:<10.4g} FLIP {:.4f}  mean "
             "ratio {:.4f}\n",
-            run.at("exact").get<double>(), p.at("seconds").get<double>(),
-            p.at("samples").get<std::uint32_t>(), p.at("relmse").get<double>(),
-            p.at("flip").get<double>(), p.at("mean_ratio").get<double>());
+            shareText(run), p.at("seconds").get<double>(), p.at("samples").get<std::uint32_t>(),
+            p.at("relmse").get<double>(), p.at("flip").get<double>(),
+            p.at("mean_ratio").get<double>());
       }
     }
   }
@@ -259,7 +257,7 @@ void addBenchCommand(CLI::App& app, int& exitCode) {
       ->check(CLI::Range(0.0, 1e6));
   a->render.size = "256x256";
   c->add_option("--size", a->render.size, "WxH in pixels")->capture_default_str();
-  c->add_option("--exact", a->shares, "Shares of samples traced exactly, 0 to 1")
+  c->add_option("--exact", a->shares, "Shares of samples traced exactly, 0 to 1, or auto")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->capture_default_str();

@@ -1,8 +1,10 @@
 #include "src/bench/bench_tradeoff.h"
 
+#include <fmt/format.h>
 #include <tbb/global_control.h>
 #include <tbb/info.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
@@ -86,12 +88,11 @@ json measure(Session& session, const Scorer& scorer, json& shown) {
   return point;
 }
 
-json runShare(const std::shared_ptr<const Model>& model, const TradeoffArguments& a, double share,
-              const Scorer& scorer, const std::string& name) {
-  RenderSettings settings = a.settings;
-  settings.exact = share;
+json runShare(const std::shared_ptr<const Model>& model, const TradeoffArguments& a,
+              const RenderSettings& settings, const Scorer& scorer, const std::string& name) {
   Session session(model, model->scene.cameras.front(), settings);
-  json run = {{"exact", share}, {"points", json::array()}};
+  json run = {{"exact", settings.dial ? json("auto") : json(settings.exact)},
+              {"points", json::array()}};
   for (double target = kFirstPoint, last = 0.0; last < a.seconds && interruptedBy() == 0;) {
     target = std::min(target, a.seconds);
     runUntil(session, std::max(target - session.denoiseWithin(target), 0.1 * target));
@@ -99,8 +100,8 @@ json runShare(const std::shared_ptr<const Model>& model, const TradeoffArguments
     json shown;
     json point = measure(session, scorer, shown);
     last = point["seconds"];
-    logInfo("{}, exact {}: {:.2f} s, {} samples, relMSE {:.4g}, FLIP {:.4f}", name, share, last,
-            point["samples"].get<std::uint32_t>(), point["relmse"].get<double>(),
+    logInfo("{}, exact {}: {:.2f} s, {} samples, relMSE {:.4g}, FLIP {:.4f}", name, shareText(run),
+            last, point["samples"].get<std::uint32_t>(), point["relmse"].get<double>(),
             point["flip"].get<double>());
     if (!run.contains("picture_early") || last <= 1.1) run["picture_early"] = shown;
     run["picture_last"] = shown;
@@ -111,7 +112,7 @@ json runShare(const std::shared_ptr<const Model>& model, const TradeoffArguments
     } while (target <= last);
   }
   const SessionReport r = session.report();
-  run["slope"] = share > 0.0 ? slopeOf(run["points"]) : json(nullptr);
+  run["slope"] = settings.exact > 0.0 ? slopeOf(run["points"]) : json(nullptr);
   run["device"] = r.device;
   run["guess"] = r.device == "none" ? "none" : r.cones ? "cone" : "ray";
   run["device_start_seconds"] = r.deviceSeconds;
@@ -122,6 +123,14 @@ json runShare(const std::shared_ptr<const Model>& model, const TradeoffArguments
   run["nonfinite_samples"] = r.nonFinite;
   run["rays"] = raysOf(r);
   return run;
+}
+
+json sharesOf(const TradeoffArguments& a) {
+  json shares = json::array();
+  for (const RenderSettings& s : a.runs) {
+    shares.push_back(s.dial ? json("auto") : json(s.exact));
+  }
+  return shares;
 }
 
 /// The exact mode as its own reference.
@@ -147,7 +156,8 @@ std::shared_ptr<const Model> prepare(const TradeoffScene& scene, const TradeoffA
   if (options.environmentGiven) imported.environment = parseEnvironment(scene.environment);
   const double importSeconds = secondsNow() - start;
   ModelOptions build;
-  build.voxels = *std::min_element(a.shares.begin(), a.shares.end()) < 1.0;
+  build.voxels = std::any_of(a.runs.begin(), a.runs.end(),
+                             [](const RenderSettings& s) { return s.exact < 1.0; });
   build.voxelDepth = voxelDepthFor(std::uint64_t{a.settings.width} * a.settings.height);
   RenderSettings settings = a.settings;
   settings.exact = build.voxels ? 0.0 : 1.0;
@@ -177,9 +187,9 @@ json benchScene(const TradeoffScene& scene, const TradeoffArguments& a) {
   const auto model = prepare(scene, a, out["setup"]);
   if (own) scorer.emplace(renderReference(model, a, out["reference"]));
   out["reference"]["png_base64"] = scorer->referencePng();
-  for (double share : a.shares) {
+  for (const RenderSettings& settings : a.runs) {
     if (interruptedBy() != 0) break;
-    out["runs"].push_back(runShare(model, a, share, *scorer, name));
+    out["runs"].push_back(runShare(model, a, settings, *scorer, name));
   }
   return out;
 }
@@ -202,6 +212,11 @@ json slopeOf(const json& points) {
   return n < 2.0 || spread <= 0.0 ? json(nullptr) : json((n * sxy - sx * sy) / spread);
 }
 
+std::string shareText(const json& run) {
+  const json& share = run.at("exact");
+  return share.is_string() ? share.get<std::string>() : fmt::format("{:g}", share.get<double>());
+}
+
 json benchTradeoff(const TradeoffArguments& a, const std::function<void(const json&)>& sceneDone) {
   json out = {{"bench", "tradeoff"},
               {"machine", machine()},
@@ -210,7 +225,7 @@ json benchTradeoff(const TradeoffArguments& a, const std::function<void(const js
                 {"height", a.settings.height},
                 {"seconds", a.seconds},
                 {"seed", a.settings.seed},
-                {"exact", a.shares}}},
+                {"exact", sharesOf(a)}}},
               {"scenes", json::array()}};
   for (const TradeoffScene& scene : a.scenes) {
     if (interruptedBy() != 0) break;

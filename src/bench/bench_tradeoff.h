@@ -20,8 +20,8 @@ struct TradeoffScene {
 
 struct TradeoffArguments {
   std::vector<TradeoffScene> scenes;
-  std::vector<double> shares;  ///< of exact samples, [0, 1]
-  double seconds = 60.0;       ///< of each run
+  std::vector<RenderSettings> runs;  ///< `settings`, each with its share of exact samples
+  double seconds = 60.0;             ///< of each run
   double referenceSeconds = 0.0;
   RenderSettings settings;  ///< size, seed, device, guess, filter; the rest is set here
 };
@@ -32,7 +32,8 @@ struct TradeoffArguments {
 /// the reference NAME.exr, FLIP is taken against it. An interrupt ends the bench with what is done.
 ///
 /// The document: {"bench": "tradeoff", "machine": {..}, "settings": {..}, "scenes": [{"name",
-/// "input", "environment", "reference": {..}, "setup": {..}, "runs": [{"exact", "points":
+/// "input", "environment", "reference": {..}, "setup": {..}, "runs": [{"exact" (or "auto"),
+/// "points":
 /// [{"seconds", "samples", "relmse", "flip", "mean_ratio", ..}], "slope", ..}], "peers": []}]}.
 /// `sceneDone` gets the document after each scene. Throws Error.
 nlohmann::json benchTradeoff(const TradeoffArguments& arguments,
@@ -41,5 +42,8 @@ nlohmann::json benchTradeoff(const TradeoffArguments& arguments,
 /// Exponent s of error ~ seconds^s, fitted to the logarithms of the last half of the points; null
 /// for fewer than two of them or an error that is not positive. Unbiased sampling has -1.
 nlohmann::json slopeOf(const nlohmann::json& points);
+
+/// The share of exact samples of a run in such a document: a number, or auto.
+std::string shareText(const nlohmann::json& run);
 
 }  // namespace trex

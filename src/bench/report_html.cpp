@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "src/bench/bench_tradeoff.h"
 #include "src/bench/chart.h"
 #include "src/core/xml_text.h"
 
@@ -52,8 +53,8 @@ std::string percent(const json& object, const char* key) {
 }
 
 std::string nameOf(const json& run) {
-  const double share = run.at("exact");
-  return share <= 0.0 ? "guess (exact 0)" : fmt::format("exact {:g}", share);
+  const std::string share = shareText(run);
+  return share == "0" ? "guess (exact 0)" : "exact " + share;
 }
 
 std::string picture(const json& shown, const std::string& caption) {
@@ -93,7 +94,7 @@ std::string startTable(const json& scene) {
   const json& setup = scene.at("setup");
   std::vector<Cells> rows;
   for (const json& run : scene.at("runs")) {
-    const bool voxels = run.at("exact").get<double>() < 1.0;
+    const bool voxels = shareText(run) != "1";
     rows.push_back({nameOf(run), seconds(setup, "import_seconds"),
                     seconds(setup, "mesh_build_seconds"),
                     voxels ? seconds(setup, "voxel_build_seconds") : "-",

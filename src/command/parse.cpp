@@ -4,6 +4,7 @@
 #include "src/command/parse.h"
 #include "src/core/error.h"
 #include "src/session/settings.h"
+#include "src/session/share_rule.h"
 
 namespace trex {
 namespace {
@@ -73,6 +74,26 @@ int parseDevice(const std::string& text) {
     fail(ExitCode::kUsage, "--device {}: want a number, auto or none", text);
   }
   return static_cast<int>(number);
+}
+
+void setExact(const std::string& text, RenderSettings& settings) {
+  settings.dial = text == "auto";
+  settings.exact = kFirstShare;
+  if (settings.dial) return;
+  const auto [end, problem] =
+      std::from_chars(text.data(), text.data() + text.size(), settings.exact);
+  if (problem != std::errc() || *end != '\0' || !(settings.exact >= 0.0 && settings.exact <= 1.0)) {
+    fail(ExitCode::kUsage, "--exact {}: want 0 to 1, or auto", text);
+  }
+}
+
+void addExact(CLI::App& command, RenderSettings& settings) {
+  command
+      .add_option_function<std::string>(
+          "--exact", [&settings](const std::string& text) { setExact(text, settings); },
+          "Share of samples traced exactly: 0 fast and biased, 1 a path tracer; auto: of each "
+          "region the share that lowers the error most")
+      ->default_str(exactText(settings));
 }
 
 void addImportOptions(CLI::App& command, ImportOptions& options) {

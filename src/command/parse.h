@@ -16,6 +16,10 @@ void parseSize(const std::string& text, std::uint32_t& width, std::uint32_t& hei
 std::uint64_t parseBytes(const std::string& text);
 /// RenderSettings::device of a number, "auto" or "none"; Error(kUsage) else.
 int parseDevice(const std::string& text);
+/// Sets the share of exact samples to "auto" or 0 to 1; Error(kUsage) else.
+void setExact(const std::string& text, RenderSettings& settings);
+/// Adds --exact.
+void addExact(CLI::App& command, RenderSettings& settings);
 /// Adds what decides how a model is read: --strict, --unit, --up,
 /// --scene, --variant, --animation and --at.
 void addImportOptions(CLI::App& command, ImportOptions& options);

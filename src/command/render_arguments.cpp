@@ -30,7 +30,6 @@ std::string numbered(const std::string& output, std::size_t number) {
 void readSettings(RenderArguments& a) {
   RenderSettings& s = a.settings;
   parseSize(a.size, s.width, s.height);
-  if (std::isnan(s.exact)) fail(ExitCode::kUsage, "--exact nan: want 0 to 1");
   if (std::isnan(s.seconds)) fail(ExitCode::kUsage, "--time nan: want seconds");
   if (std::isnan(s.error)) fail(ExitCode::kUsage, "--error nan: want a relMSE above 0");
   if (!a.maxMemory.empty()) s.maxMemory = parseBytes(a.maxMemory);

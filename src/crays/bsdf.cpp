@@ -10,10 +10,6 @@
 namespace trex {
 namespace {
 
-/// Of roughness 0.1, itself included as it is rounded: what is seen in the surface is blurred by
-/// some pixels and known all the same.
-constexpr float kClearAlpha = 0.1f * 0.1f;
-
 float schlickWeight(float cosine) {
   const float x = std::clamp(1.0f - cosine, 0.0f, 1.0f);
   return x * x * x * x * x;
@@ -164,7 +160,7 @@ void Bsdf::chooseLobes() {
                  (lobes_.coat == 0.0f || coat_.alpha <= kClearAlpha);
   const float sharp = (smooth_ ? lobes_.specular : lobes_.specular * metallic_) +
                       (coat_.alpha <= kSharpAlpha ? lobes_.coat : 0.0f);
-  cacheable_ = sharp + lobes_.transmission <= 0.1f;
+  cacheable_ = sharp + lobes_.transmission <= kMostSharp;
 }
 
 vec3 Bsdf::diffuseAlbedo() const {

@@ -46,6 +46,9 @@ enum class LobeKind : std::uint8_t { kAll, kSharp, kBroad };
 /// that point away from the surface. Immutable, so thread safe.
 class Bsdf {
  public:
+  /// Of what a cache tells nearly all: the largest chance of lobes that it can't serve.
+  static constexpr float kMostSharp = 0.1f;
+
   /// `outgoing` points to where the ray came from.
   Bsdf(const Scene& scene, const Surface& surface, const vec3& outgoing);
 

@@ -212,7 +212,11 @@ LightConnection ClearLayers::aim(const RayStart& start, const vec3& direction, c
   for (int turn = 0; turn < kMostAims; ++turn) {
     const ClearWalk walk = this->walk(start, out.direction, light, absorption);
     const vec3 passed = walk.blocked ? vec3(0.0f) : walk.passed;
-    if (!walk.path.begun()) return {passed, direction};
+    if (!walk.path.begun()) {
+      // Past the glass that the straight line meets: it leads to another place than the light's.
+      if (turn > 0) return out;
+      return {passed, direction};
+    }
     out.refracted = true;
     if (!walk.path.straight(walk.direction)) return out;
     if (infinite) {

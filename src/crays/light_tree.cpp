@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "src/core/prefetch.h"
+
 namespace trex {
 namespace {
 
@@ -26,12 +28,11 @@ struct Sums {
   }
   /// The lane that holds a share of all; never one without weight.
   std::uint32_t find(double target) const {
-    std::uint32_t lane = 0, last = 0;
-    for (std::uint32_t i = 0; i + 1 < kLanes; ++i) {
-      lane += target >= upTo[i] ? 1u : 0u;
-      last += upTo[i] < all() ? 1u : 0u;
-    }
-    return std::min(lane, last);
+    std::uint32_t lane = 0;
+    for (std::uint32_t i = 0; i + 1 < kLanes; ++i) lane += target >= upTo[i] ? 1u : 0u;
+    // Of a target that was rounded up to the sum of all.
+    while (lane > 0 && !(weights[lane] > 0.0f)) --lane;
+    return lane;
   }
 };
 
@@ -67,47 +68,75 @@ void LightTree::cutAlone(Cut& out) const {
   out.weights[0] = out.sum = 1.0f;
 }
 
-/// From a node of the cut to a leaf by the lanes that `pick` names, whose chances are multiplied to
-/// `chance`; 0 if a node on the way has no weight at all.
-template <typename Pick>
-LightTree::Place LightTree::descend(const Cut& cut, std::uint32_t from, const Pick& pick,
-                                    float& chance) const {
-  Place at{&nodes_[from / kLanes], from % kLanes};
-  while (at.node->child[at.lane] != 0) {
-    at.node = &nodes_[at.node->child[at.lane]];
-    Sums sums;
-    weigh_(*at.node, cut.position, cut.normal, sums.weights);
-    sums.add();
-    if (!(sums.all() > 0.0)) {
-      chance = 0.0f;
-      break;
-    }
-    at.lane = pick(*at.node, sums);
-    chance *= static_cast<float>(sums.weight(at.lane) / sums.all());
-  }
-  return at;
+bool LightTree::choose(const Cut& cut, double u, Choice& out) const {
+  Question question{&cut, u, {}};
+  choose({&question, 1});
+  out = question.choice;
+  return out.chance > 0.0f;
 }
 
-bool LightTree::choose(const Cut& cut, double u, Choice& out) const {
+void LightTree::choose(std::span<Question> questions) const {
+  constexpr std::size_t kTogether = 16;
+  for (; questions.size() > kTogether; questions = questions.subspan(kTogether))
+    choose(questions.first(kTogether));
+  Place at[kTogether];
+  std::uint8_t under[kTogether];
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < questions.size(); ++i)
+    if (begin(questions[i], at[i])) under[count++] = static_cast<std::uint8_t>(i);
+  while (count != 0) {
+    std::size_t left = 0;
+    for (std::size_t k = 0; k < count; ++k) {
+      const std::uint8_t i = under[k];
+      if (goDown(questions[i], at[i])) {
+        under[left++] = i;
+      } else {
+        end(questions[i], at[i]);
+      }
+    }
+    count = left;
+  }
+}
+
+/// The node of the cut. False if there is none.
+bool LightTree::begin(Question& q, Place& at) const {
+  const Cut& cut = *q.cut;
+  q.choice = Choice();
   if (cut.count == 0) return false;
-  double target = u * static_cast<double>(cut.sum);
+  double target = q.u * static_cast<double>(cut.sum);
   int which = 0;
   while (which + 1 < cut.count && target >= static_cast<double>(cut.weights[which])) {
     target -= static_cast<double>(cut.weights[which++]);
   }
-  out.chance = cut.weights[which] / cut.sum;
-  u = std::min(target / static_cast<double>(cut.weights[which]), 0x1.fffffffffffffp-1);
-  const auto pick = [&](const LightNodes&, const Sums& sums) {
-    const double share = u * sums.all();
-    const std::uint32_t lane = sums.find(share);
-    u = std::min(sums.rest(lane, share) / sums.weight(lane), 0x1.fffffffffffffp-1);
-    return lane;
-  };
-  const Place leaf = descend(cut, cut.nodes[which], pick, out.chance);
-  out.first = leaf.node->first[leaf.lane];
-  out.count = leaf.node->count[leaf.lane];
-  out.rest = u;
-  return out.chance > 0.0f;
+  q.choice.chance = cut.weights[which] / cut.sum;
+  q.u = std::min(target / static_cast<double>(cut.weights[which]), 0x1.fffffffffffffp-1);
+  at = {&nodes_[cut.nodes[which] / kLanes], cut.nodes[which] % kLanes};
+  return true;
+}
+
+/// To one of a node's children. False at a leaf, or at a node without any weight.
+bool LightTree::goDown(Question& q, Place& at) const {
+  if (at.node->child[at.lane] == 0) return false;
+  at.node = &nodes_[at.node->child[at.lane]];
+  Sums sums;
+  weigh_(*at.node, q.cut->position, q.cut->normal, sums.weights);
+  sums.add();
+  if (!(sums.all() > 0.0)) {
+    q.choice.chance = 0.0f;
+    return false;
+  }
+  const double share = q.u * sums.all();
+  at.lane = sums.find(share);
+  q.u = std::min(sums.rest(at.lane, share) / sums.weight(at.lane), 0x1.fffffffffffffp-1);
+  q.choice.chance *= static_cast<float>(sums.weight(at.lane) / sums.all());
+  if (at.node->child[at.lane] != 0) prefetch(&nodes_[at.node->child[at.lane]], sizeof(LightNodes));
+  return true;
+}
+
+void LightTree::end(Question& q, const Place& leaf) const {
+  q.choice.first = leaf.node->first[leaf.lane];
+  q.choice.count = leaf.node->count[leaf.lane];
+  q.choice.rest = q.u;
 }
 
 float LightTree::chance(const Cut& cut, std::uint32_t light) const {
@@ -122,12 +151,16 @@ float LightTree::chance(const Cut& cut, std::uint32_t light) const {
   }
   if (which == cut.count) return 0.0f;
   float chance = cut.weights[which] / cut.sum;
-  const auto pick = [&](const LightNodes& node, const Sums&) {
-    std::uint32_t lane = 0;
-    while (!holds(node, lane)) ++lane;
-    return lane;
-  };
-  descend(cut, cut.nodes[which], pick, chance);
+  Place at{&nodes_[cut.nodes[which] / kLanes], cut.nodes[which] % kLanes};
+  while (at.node->child[at.lane] != 0) {
+    at = {&nodes_[at.node->child[at.lane]], 0};
+    Sums sums;
+    weigh_(*at.node, cut.position, cut.normal, sums.weights);
+    sums.add();
+    if (!(sums.all() > 0.0)) return 0.0f;
+    while (!holds(*at.node, at.lane)) ++at.lane;
+    chance *= static_cast<float>(sums.weight(at.lane) / sums.all());
+  }
   return chance * shares_[place];
 }
 

@@ -71,6 +71,14 @@ class LightTree {
   };
   /// False if no light can be chosen.
   bool choose(const Cut& cut, double u, Choice& out) const;
+  /// The same for several points, with the same bits: they go down level by level, so that one
+  /// waits for its nodes while others are weighed. Where no light can be chosen the chance is 0.
+  struct Question {
+    const Cut* cut;
+    double u;
+    Choice choice;
+  };
+  void choose(std::span<Question> questions) const;
   /// The light at a place of the order of leaves, and its share of its leaf.
   std::uint32_t light(std::uint32_t place) const { return order_[place]; }
   float share(std::uint32_t place) const { return shares_[place]; }
@@ -84,8 +92,9 @@ class LightTree {
     std::uint32_t lane;
   };
 
-  template <typename Pick>
-  Place descend(const Cut& cut, std::uint32_t from, const Pick& pick, float& chance) const;
+  bool begin(Question& question, Place& at) const;
+  bool goDown(Question& question, Place& at) const;
+  void end(Question& question, const Place& leaf) const;
 
   WeighLights weigh_ = chooseWeighLights();
   std::vector<LightNodes> nodes_;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "src/core/prefetch.h"
 #include "src/crays/lights_detail.h"
 
 namespace trex {
@@ -16,6 +17,8 @@ constexpr double kSunDistance = 1e4;
 constexpr double kLeastShare = 1e-20;
 /// Lights among which a number of 24 bits chooses well.
 constexpr std::size_t kFew = 4096;
+/// Points that lights are chosen for at a time.
+constexpr std::size_t kTogether = 16;
 
 }  // namespace
 
@@ -167,40 +170,69 @@ float LightSet::mapShare(const LightTree::Cut& cut) const {
 }
 
 bool LightSet::sample(const LightPoint& at, Sampler& sampler, LightSample& out) const {
-  double choice = many_ ? longNumber(sampler.next2D()) : static_cast<double>(sampler.next1D());
-  const vec2 u = sampler.next2D();
-  const LightTree::Cut& cut = cutAt(at);
-  const auto ofMap = static_cast<double>(mapShare(cut));
+  LightChoice choice{.at = &at, .sampler = &sampler};
+  choose({&choice, 1});
+  return sample(choice, out);
+}
+
+void LightSet::choose(std::span<LightChoice> choices) const {
+  for (; choices.size() > kTogether; choices = choices.subspan(kTogether))
+    choose(choices.first(kTogether));
+  LightTree::Question questions[kTogether];
+  std::uint8_t number[kTogether];
+  std::size_t count = 0;
+  for (std::size_t i = 0; i < choices.size(); ++i) {
+    LightChoice& c = choices[i];
+    const double choice =
+        many_ ? longNumber(c.sampler->next2D()) : static_cast<double>(c.sampler->next1D());
+    c.u = c.sampler->next2D();
+    const LightTree::Cut& cut = cutAt(*c.at);
+    const auto ofMap = static_cast<double>(mapShare(cut));
+    c.map = choice < ofMap;
+    c.chance = c.map ? static_cast<float>(ofMap) : 0.0f;
+    if (c.map) continue;
+    number[count] = static_cast<std::uint8_t>(i);
+    questions[count++] = {&cut, (choice - ofMap) / (1.0 - ofMap), {}};
+  }
+  tree_.choose(std::span(questions).first(count));
+  for (std::size_t k = 0; k < count; ++k) {
+    if (questions[k].choice.chance > 0.0f) pickOfLeaf(questions[k].choice, choices[number[k]]);
+  }
+}
+
+bool LightSet::sample(const LightChoice& choice, LightSample& out) const {
+  if (!(choice.chance > 0.0f)) return false;
+  const LightPoint& at = *choice.at;
   bool found = false;
-  if (choice < ofMap) {
-    found = sampleMap(u, out);
-    out.pdf *= static_cast<float>(ofMap);
+  if (choice.map) {
+    found = sampleMap(choice.u, out);
+    out.pdf *= choice.chance;
   } else {
-    choice = (choice - ofMap) / (1.0 - ofMap);
-    LightTree::Choice chosen;
-    found = tree_.choose(cut, choice, chosen) && sampleLeaf(chosen, at, u, out);
-    out.pdf *= 1.0f - static_cast<float>(ofMap);
+    const std::size_t triangles = emitters_.triangles().size();
+    found = choice.light < triangles
+                ? sampleTriangle(emitters_.triangles()[choice.light], at, choice.onLight,
+                                 choice.u.y, out)
+                : samplePunctual(punctual_[choice.light - triangles], at, choice.u, out);
+    out.pdf *= choice.chance;
+    out.pdf *= 1.0f - mapShare(at.cut_);
   }
   return found && out.pdf > 0.0f && maxComponent(out.radiance) > 0.0f;
 }
 
 /// One of a leaf's lights: the number that places the sample on it chooses it too, so that samples
 /// stay evenly spread over a lamp of two triangles.
-bool LightSet::sampleLeaf(const LightTree::Choice& leaf, const LightPoint& at, vec2 u,
-                          LightSample& out) const {
-  double first = longNumber(u.x, leaf.rest);
+void LightSet::pickOfLeaf(const LightTree::Choice& leaf, LightChoice& out) const {
+  double first = longNumber(out.u.x, leaf.rest);
   std::uint32_t place = leaf.first;
   while (place + 1 < leaf.first + leaf.count && first >= static_cast<double>(tree_.share(place))) {
     first -= static_cast<double>(tree_.share(place++));
   }
-  first = std::min(first / static_cast<double>(tree_.share(place)), 0x1.fffffffffffffp-1);
-  const std::uint32_t light = tree_.light(place);
-  const std::size_t triangles = emitters_.triangles().size();
-  const bool found = light < triangles
-                         ? sampleTriangle(emitters_.triangles()[light], at, first, u.y, out)
-                         : samplePunctual(punctual_[light - triangles], at, u, out);
-  out.pdf *= leaf.chance * tree_.share(place);
-  return found;
+  out.onLight = std::min(first / static_cast<double>(tree_.share(place)), 0x1.fffffffffffffp-1);
+  out.light = tree_.light(place);
+  out.chance = leaf.chance * tree_.share(place);
+  if (out.light < emitters_.triangles().size()) {
+    prefetch(&emitters_.triangles()[out.light], sizeof(Emitters::Triangle));
+  }
 }
 
 bool LightSet::sampleTriangle(const Emitters::Triangle& t, const LightPoint& at, double u, float v,

@@ -78,6 +78,17 @@ struct LightSample {
   }
 };
 
+/// A light that was chosen for a point, and the numbers that choose a place on it.
+struct LightChoice {
+  const LightPoint* at = nullptr;
+  Sampler* sampler = nullptr;
+  vec2 u{0.0f};
+  double onLight = 0.0;  ///< u.x with more digits, once it has chosen a light of its leaf
+  std::uint32_t light = 0;
+  float chance = 0.0f;  ///< 0: nothing was chosen
+  bool map = false;     ///< it is the environment map
+};
+
 /// A photon leaving a light: power is that of all light divided by the density of the choice, so
 /// the mean of many photons carries the scene's power.
 struct EmittedPhoton {
@@ -112,6 +123,10 @@ class LightSet {
   bool anyPower() const { return totalPower_ > 0.0; }
   /// Samples a light as seen from a point; false if the sample carries nothing.
   bool sample(const LightPoint& at, Sampler& sampler, LightSample& out) const;
+  /// sample() in two steps, for many points together, with the same bits: so that memory that is
+  /// waited for is waited for once. `at` and `sampler` of the choices are set.
+  void choose(std::span<LightChoice> choices) const;
+  bool sample(const LightChoice& choice, LightSample& out) const;
 
   /// Density per solid angle with which sample(at) would have found what a ray hit after
   /// `distance`; cosine at the emitter, not negative. 0 for surfaces not in the set.
@@ -167,8 +182,7 @@ class LightSet {
   float mapShare(const LightTree::Cut& cut) const;
   float mapDensity(const vec3& direction) const;
   static std::size_t pick(const std::vector<double>& cumulative, double u, double& rest);
-  bool sampleLeaf(const LightTree::Choice& leaf, const LightPoint& at, vec2 u,
-                  LightSample& out) const;
+  void pickOfLeaf(const LightTree::Choice& leaf, LightChoice& out) const;
   bool sampleTriangle(const Emitters::Triangle& triangle, const LightPoint& at, double u, float v,
                       LightSample& out) const;
   bool samplePunctual(const Punctual& punctual, const LightPoint& at, vec2 u,

@@ -10,6 +10,9 @@ namespace trex {
 inline constexpr float kSmallestAlpha = 1e-3f;
 /// Up to here a lobe is sharp: what it throws of a point-like light is a caustic (caustics.h).
 inline constexpr float kSharpAlpha = 0.1f;
+/// Of roughness 0.1, itself included as it is rounded: what is seen in the surface is blurred by
+/// some pixels and known all the same.
+inline constexpr float kClearAlpha = 0.1f * 0.1f;
 
 inline float ggxDensity(float cosine, float alpha) {
   if (cosine <= 0.0f) return 0.0f;

@@ -405,6 +405,19 @@ Surface RayScene::surface(const RayHit& hit) const {
                      hit);
 }
 
+bool RayScene::inPlace(const RayHit& hit) const {
+  return hit.instance == kWorldMesh ? !impl_->parts.paged : !impl_->placements[hit.instance].moved;
+}
+
+hccm::Triangle RayScene::triangle(const RayHit& hit) const {
+  if (hit.instance == kWorldMesh) return impl_->parts.world.triangle(hit.cluster, hit.triangle);
+  const hccm::Mesh& mesh = impl_->parts.shared[impl_->parts.placed[hit.instance].mesh];
+  hccm::Triangle triangle = mesh.triangle(hit.cluster, hit.triangle);
+  const int object = impl_->placements[hit.instance].object;
+  if (object != kNone) triangle.object = static_cast<std::uint32_t>(object);
+  return triangle;
+}
+
 bool RayScene::leave(const Surface& surface, const vec3& direction, bool front,
                      RayStart& start) const {
   start = surface.leave();

@@ -182,6 +182,10 @@ class RayScene {
   bool occludedHere(const RayQuery& query, WaitingRay& ray) const;
   /// The page that surface(hit) reads; WaitingRay::kNoPage if it is of a mesh in memory.
   std::uint32_t pageOf(const RayHit& hit) const;
+  /// Whether the mesh of a hit is in memory and lies in render space as it is; its triangle().
+  /// Thread safe.
+  bool inPlace(const RayHit& hit) const;
+  hccm::Triangle triangle(const RayHit& hit) const;
   /// Decodes a hit. Thread safe.
   Surface surface(const RayHit& hit) const;
   /// Where a ray along `direction` starts that was scattered at a surface and leaves it on its

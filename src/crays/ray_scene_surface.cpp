@@ -118,6 +118,21 @@ hccm::Ray Placement::rayToMesh(const RayStart& start, const vec3& direction, flo
   return ray;
 }
 
+void readAttributes(const hccm::Triangle& triangle, const RayHit& hit, Surface& s) {
+  const vec3 weights(1.0 - hit.u - hit.v, hit.u, hit.v);
+  const auto mix = [&](const vec2(&uv)[3]) {
+    return weights.x * uv[0] + weights.y * uv[1] + weights.z * uv[2];
+  };
+  s.texCoords[0] = mix(triangle.texCoord);
+  s.texCoords[1] = triangle.hasSecondTexCoords ? mix(triangle.secondTexCoord) : vec2(0.0f);
+  s.color = vec4(1.0f);
+  if (triangle.hasColors) {
+    s.color = weights.x * unpackVertexColor(triangle.color[0]) +
+              weights.y * unpackVertexColor(triangle.color[1]) +
+              weights.z * unpackVertexColor(triangle.color[2]);
+  }
+}
+
 Surface makeSurface(const hccm::Triangle& triangle, const Placement& placement, const RayHit& hit) {
   Surface s{};
   s.instance = hit.instance, s.cluster = hit.cluster, s.triangle = hit.triangle;
@@ -144,20 +159,8 @@ Surface makeSurface(const hccm::Triangle& triangle, const Placement& placement, 
   s.geometricNormal = vec3(normal);
   s.shadingNormal = vec3(shading);
 
-  const vec3 weights(w, u, v);
-  const auto mix = [&](const vec2(&uv)[3]) {
-    return weights.x * uv[0] + weights.y * uv[1] + weights.z * uv[2];
-  };
-  s.texCoords[0] = mix(triangle.texCoord);
-  if (triangle.hasSecondTexCoords) [[unlikely]]
-    s.texCoords[1] = mix(triangle.secondTexCoord);
+  readAttributes(triangle, hit, s);
   if (triangle.hasTexCoords) tangents(e1, e2, triangle, shading, s);
-  s.color = vec4(1.0f);
-  if (triangle.hasColors) {
-    s.color = weights.x * unpackVertexColor(triangle.color[0]) +
-              weights.y * unpackVertexColor(triangle.color[1]) +
-              weights.z * unpackVertexColor(triangle.color[2]);
-  }
   s.material = triangle.material;
   s.object =
       placement.object != kNone ? static_cast<std::uint32_t>(placement.object) : triangle.object;

@@ -23,6 +23,9 @@ struct Placement {
                       const RayEnd& end, double step) const;
 };
 
+/// What a triangle interpolates besides its place and normals: texture coordinates, colour.
+void readAttributes(const hccm::Triangle& triangle, const RayHit& hit, Surface& surface);
+
 /// Never non-finite, also for triangles without area.
 Surface makeSurface(const hccm::Triangle& triangle, const Placement& placement, const RayHit& hit);
 

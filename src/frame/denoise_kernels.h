@@ -46,12 +46,6 @@ inline float slopeOf(float length, float footprint) {
   constexpr float kPlaneTolerance = 2.0f;  // pixel widths off the surface's plane
   return length / (kPlaneTolerance * footprint + 1e-30f);
 }
-/// What light is divided by to be without texture.
-inline vec3 guideAlbedo(const vec3& albedo) {
-  constexpr float kLeastAlbedo = 0.02f;
-  return glm::max(albedo, vec3(kLeastAlbedo));
-}
-
 /// Light without texture.
 enum CellPlane : std::size_t {
   kLight = 0,     ///< three planes

@@ -38,6 +38,11 @@ class Moments {
     const double n = static_cast<double>(count_);
     return dvec3(spread_[0], spread_[1], spread_[2]) / (n * (n - 1.0));
   }
+  /// Sum of the samples' squares.
+  dvec3 squares() const {
+    const dvec3 m = mean();
+    return dvec3(spread_[0], spread_[1], spread_[2]) + m * m * static_cast<double>(count_);
+  }
 
  private:
   std::uint64_t count_ = 0;

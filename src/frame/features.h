@@ -17,6 +17,12 @@
 
 namespace trex {
 
+/// What light is divided by to be without texture.
+inline vec3 guideAlbedo(const vec3& albedo) {
+  constexpr float kLeastAlbedo = 0.02f;
+  return glm::max(albedo, vec3(kLeastAlbedo));
+}
+
 /// Of one sample; all zero where no surface was met.
 struct Feature {
   vec3 albedo{0.0f};       ///< reflectance of the broad lobes, [0, 1]; one for metals
@@ -53,6 +59,9 @@ struct FeaturePart {
     light += delta * weight;
     spread += delta * (ofLight - light);
   }
+  /// Takes in samples of another pixel, if they show the same surface: their light, as if the
+  /// surface's albedo were `albedo` there too.
+  void join(const FeaturePart& other, const vec3& albedo);
   /// Unbiased variance of the mean light; 0 below two samples.
   vec3 variance() const { return spread / std::max(count * (count - 1.0f), 1.0f); }
   /// Whether its light is that of a surface which scatters some.
@@ -73,6 +82,16 @@ struct FeaturePart {
   }
 };
 
+inline void FeaturePart::join(const FeaturePart& other, const vec3& albedo) {
+  if (other.count == 0.0f || !shows(other.mean)) return;
+  const vec3 scale = albedo / guideAlbedo(other.mean.albedo), theirs = other.light * scale;
+  const float all = count + other.count;
+  const vec3 delta = theirs - light;  // [Chan, Golub, LeVeque 1983]
+  light += delta * (other.count / all);
+  spread += other.spread * scale * scale + delta * delta * (count * other.count / all);
+  count = all;
+}
+
 /// The samples of each pixel, in two parts: the surface that most of them show, and the rest. One
 /// pixel by one thread at a time.
 class FeatureImage {
@@ -86,7 +105,24 @@ class FeatureImage {
     (most.count == 0.0f || most.shows(f) ? most : rest).add(f, light);
     if (rest.count > most.count) std::swap(most, rest);
   }
+  /// Adds to the mean light of each surface of a pixel.
+  void addLight(std::uint32_t x, std::uint32_t y, const vec3& light) {
+    auto& [most, rest] = pixels_[index(x, y)];
+    most.light += light;
+    rest.light += light;
+  }
   void restart(std::uint32_t x, std::uint32_t y) { pixels_[index(x, y)] = {}; }
+  /// What a pixel without samples shows, and the light that it sends out itself: that of most(),
+  /// whose count is 0, until restart().
+  void look(std::uint32_t x, std::uint32_t y, const Feature& f, const vec3& own) {
+    FeaturePart& most = (pixels_[index(x, y)] = {}).most;
+    most.mean = f;
+    most.light = own;
+  }
+  /// A pixel that shows one surface.
+  void put(std::uint32_t x, std::uint32_t y, const FeaturePart& part) {
+    pixels_[index(x, y)] = {part, {}};
+  }
   /// The pixel of another image, `wider` times as wide.
   void copy(std::uint32_t x, std::uint32_t y, const FeatureImage& from, std::uint32_t fromX,
             std::uint32_t fromY, float wider) {

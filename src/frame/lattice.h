@@ -31,6 +31,18 @@ inline constexpr std::array<Place, kCells> kPlaces = [] {
   return places;
 }();
 
+/// Number of the cell that a pixel lies in, of a lattice that starts at a multiple of kSide.
+inline constexpr std::array<std::uint8_t, kCells> kCellsByPlace = [] {
+  std::array<std::uint8_t, kCells> cells{};
+  for (std::uint32_t i = 0; i < kCells; ++i) {
+    cells[kPlaces[i].y * kSide + kPlaces[i].x] = static_cast<std::uint8_t>(i);
+  }
+  return cells;
+}();
+constexpr std::uint32_t cellAt(std::uint32_t x, std::uint32_t y) {
+  return kCellsByPlace[y % kSide * kSide + x % kSide];
+}
+
 /// Spacing of the finest even lattice that the first `cells` cells fill: 8, 4, 2, 1; 0 for none.
 constexpr std::uint32_t spacing(std::uint32_t cells) {
   return cells >= 64 ? 1 : cells >= 16 ? 2 : cells >= 4 ? 4 : cells >= 1 ? 8 : 0;

@@ -26,6 +26,7 @@ constexpr Row kRows[] = {
     {"materialId", &PictureLayers::materialId, 1},
     {"sampleCount", &PictureLayers::sampleCount, 1},
     {"variance", &PictureLayers::variance, 3},
+    {"exactShare", &PictureLayers::exactShare, 1},
 };
 
 }  // namespace

@@ -26,6 +26,7 @@ struct PictureLayers {
   bool materialId = false;  ///< materialId: likewise
   bool sampleCount = false;  ///< sampleCount
   bool variance = false;     ///< variance.R .G .B: of the mean, before any filter
+  bool exactShare = false;   ///< exactShare: of the samples, those that exact paths are known of
   bool rayClass = false;     ///< rays by class, for the screen alone: in no file
 
   bool needsFeatures() const { return albedo || normal || position; }

@@ -4,12 +4,10 @@
 
 namespace trex {
 
-/// Decodes the surface that was hit and takes what it sends out, and cached light.
+/// Takes what the surface sends out, and cached light.
 Fate PathTracer::arrive(WavePath& path) const {
-  path.surface = rays_.surface(path.hit);
   const Surface& surface = path.surface;
   const Bsdf& bsdf = path.bsdf.emplace(scene_, surface, -path.direction);
-  path.coneVertex = false;
   if (path.absorption != vec3(0.0f)) path.throughput *= glm::exp(-path.absorption * path.hit.t);
   if (media_ != nullptr) passMedia(path, path.hit.t);
 
@@ -19,15 +17,44 @@ Fate PathTracer::arrive(WavePath& path) const {
   if (passes) return passLayer(path) ? Fate::kPasses : Fate::kEnds;
   look(path);
   if (maxComponent(bsdf.emission()) > 0.0f) emit(path);
-  if (bsdf.unlit()) return Fate::kEnds;
-  if (path.turns >= scene_.maxBounces) return Fate::kScatters;
-  if (path.coupled && guess_.cache && endInCache(path) && !path.part()) return Fate::kEnds;
+  if (bsdf.unlit() || (path.look && path.seen)) return Fate::kEnds;
+  if (path.look || path.turns >= scene_.maxBounces) return Fate::kScatters;
+  if (path.coupled && guess_.cache && bsdf.cacheable() &&
+      endInCache(path, bsdf.geometricNormal()) && !path.part()) {
+    return Fate::kEnds;
+  }
 
   // Cached light has been reflected once more.
   path.coneVertex = guess_.cones && path.coupled && bsdf.cacheable() && !bsdf.onlyDelta() &&
                     scene_.maxBounces - path.turns >= 2;
   path.here().moveTo(surface.position, bsdf.transmits() ? vec3(0.0f) : bsdf.normal());
   return bsdf.onlyDelta() ? Fate::kScatters : Fate::kLit;
+}
+
+/// The same at a plain surface, which sends nothing out and lets nothing pass.
+Fate PathTracer::arrivePlain(WavePath& path, const Wave& wave) const {
+  const PlainLanes& lanes = wave.lanesOf(path);
+  const std::size_t lane = Wave::laneOf(path);
+  if (path.absorption != vec3(0.0f)) path.throughput *= glm::exp(-path.absorption * path.hit.t);
+  path.length += path.hit.t;
+  const vec3 normal = PlainLanes::vector(lanes.normal, lane);
+  meet(path);
+  if (!path.seen) {
+    const vec3 albedo = PlainLanes::is(lanes.lambertian, lane)
+                            ? glm::min(PlainLanes::vector(lanes.diffuse, lane), vec3(1.0f))
+                            : bsdfOf(path).albedo();
+    see(path, albedo, normal);
+  }
+  if (path.look) return Fate::kEnds;
+  if (path.turns >= scene_.maxBounces) return Fate::kScatters;
+  const bool cacheable = lanes.specularLobe[lane] * lanes.metallic[lane] <= Bsdf::kMostSharp;
+  if (path.coupled && guess_.cache && cacheable &&
+      endInCache(path, PlainLanes::vector(lanes.facing, lane)) && !path.part()) {
+    return Fate::kEnds;
+  }
+  path.coneVertex = false;
+  path.here().moveTo(path.surface.position, normal);
+  return Fate::kLit;
 }
 
 /// Goes on behind a transparent layer. False where there were too many.
@@ -39,19 +66,26 @@ bool PathTracer::passLayer(WavePath& path) const {
   return ++path.bounces < ClearLayers::kMost;
 }
 
+/// What the camera's ray has met.
+void PathTracer::meet(WavePath& path) const {
+  if (path.bounces != path.layers) return;
+  const Surface& surface = path.surface;
+  path.sample->first = {camera_.depth(surface.position), static_cast<float>(surface.object),
+                        static_cast<float>(surface.material)};
+}
+
 /// What the eye knows of the surface.
 void PathTracer::look(WavePath& path) const {
-  const Surface& surface = path.surface;
   const Bsdf& bsdf = *path.bsdf;
-  if (path.bounces == path.layers) {
-    path.sample->first = {camera_.depth(surface.position), static_cast<float>(surface.object),
-                          static_cast<float>(surface.material)};
-  }
+  meet(path);
   if (path.seen || (bsdf.showsOthers() && !bsdf.unlit())) return;
+  see(path, bsdf.albedo(), bsdf.normal());
+}
+
+void PathTracer::see(WavePath& path, const vec3& albedo, const vec3& normal) const {
   path.seen = true;
-  const vec3 albedo = bsdf.albedo();
   const vec3 dimmed = glm::min(albedo * path.throughput, vec3(1.0f));  // by mirrors and glass
-  path.sample->feature = {dimmed, bsdf.normal(), vec3(surface.position),
+  path.sample->feature = {dimmed, normal, vec3(path.surface.position),
                           camera_.footprint(path.length),
                           maxComponent(albedo) > 0.0f ? 0.0f : 1.0f};
 }
@@ -75,20 +109,18 @@ void PathTracer::emit(WavePath& path) const {
   }
 }
 
-/// G1: reads the cache if the ray's footprint is wide enough here. True if it did.
-bool PathTracer::endInCache(WavePath& path) const {
-  const Surface& surface = path.surface;
-  const Bsdf& bsdf = *path.bsdf;
-  if (!(path.density() < kInfinity) || !bsdf.cacheable()) return false;
+/// G1: reads the cache if the ray's footprint is wide enough here, on the side of a surface that
+/// cached light serves. True if it did.
+bool PathTracer::endInCache(WavePath& path, const vec3& side) const {
+  if (!(path.density() < kInfinity)) return false;
   const float radius = (path.travelled + path.hit.t) * guess_.footprint.spread(path.roughness);
   if (radius < guess_.footprint.cacheVoxels * guess_.cache->leafSize()) return false;
   const vec2 jitter = path.sampler.next2D();
   vec3 irradiance;
-  if (!guess_.cache->irradiance(vec3(surface.position), bsdf.geometricNormal(), radius, jitter,
-                                irradiance)) {
+  if (!guess_.cache->irradiance(vec3(path.surface.position), side, radius, jitter, irradiance)) {
     return false;
   }
-  path.sample->guess += path.throughput * bsdf.cachedAlbedo() * irradiance * kInvPi;
+  path.sample->guess += path.throughput * bsdfOf(path).cachedAlbedo() * irradiance * kInvPi;
   ++path.counts->cacheReads;
   return true;
 }

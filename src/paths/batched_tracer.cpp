@@ -123,6 +123,7 @@ void BatchedTracer::Worker::begin(std::uint32_t job) {
 /// has ended.
 void BatchedTracer::Worker::goOn() {
   while (!wave.underWay.empty()) {
+    tracer.decode(wave);  // none of a streamed mesh is plain
     std::erase_if(wave.underWay, [&](WavePath* path) {
       path->fate = tracer.arrive(*path);
       path->asks = false;
@@ -147,8 +148,7 @@ void BatchedTracer::Worker::detach(WavePath& path) {
   const LightQuestion& q = path.question;
   const RayEnd end = q.light.end();
   const dvec3& start = q.start.position;
-  LightConnection way = ClearLayers::unblocked(
-      q.light.direction, end, path.bsdf->absorptionTowards(q.light.direction, path.absorption));
+  LightConnection way = ClearLayers::unblocked(q.light.direction, end, tracer.absorptionOf(path));
   if (tracer.media_ != nullptr && way.reaches()) {
     way.passed *= tracer.media_->transmittance(start, q.light.direction, end.distance);
   }

@@ -1,7 +1,9 @@
 #include "src/paths/path_tracer.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <span>
 
 #include "src/paths/wave.h"
 
@@ -20,22 +22,55 @@ float lightWeight(const LightSample& light, float pdf, float scattered) {
 
 }  // namespace
 
-/// Next event estimation: chooses one light. Shadow rays of small lights are C-rays; large ones are
-/// cones where this device makes them worth it.
+/// Next event estimation: chooses one light for each path that is lit, and asks for it.
+void PathTracer::ask(Wave& wave) const {
+  std::array<LightChoice, Wave::kPaths> choices;
+  std::array<WavePath*, Wave::kPaths> paths;
+  std::size_t count = 0;
+  for (WavePath* path : wave.underWay) {
+    path->asks = false;
+    if (path->fate != Fate::kLit || lights_.empty()) continue;
+    choices[count] = {.at = &path->here(), .sampler = &path->sampler};
+    paths[count++] = path;
+  }
+  lights_.choose(std::span(choices).first(count));
+  std::array<PlainValues, Wave::kPaths / PlainLanes::kLanes> values{};
+  for (std::size_t i = 0; i < count; ++i) {
+    WavePath& path = *paths[i];
+    LightSample& light = path.question.light = LightSample{};
+    path.asks = lights_.sample(choices[i], light);
+    if (!path.isPlain()) continue;
+    PlainValues& of = values[path.place / PlainLanes::kLanes];
+    for (int k = 0; k < 3; ++k) of.direction[k][Wave::laneOf(path)] = light.direction[k];
+  }
+  for (std::size_t i = 0; i < wave.plainBlocks(); ++i) kernels_->value(wave.plain[i], values[i]);
+  for (std::size_t i = 0; i < count; ++i) {
+    WavePath& path = *paths[i];
+    if (!path.asks) continue;
+    path.asks = path.isPlain() ? askPlain(path, wave, values[path.place / PlainLanes::kLanes])
+                               : askLight(path, wave);
+  }
+}
+
+/// For one path alone.
 void PathTracer::ask(WavePath& path, Wave& wave) const {
+  LightSample& light = path.question.light = LightSample{};
+  path.asks =
+      !lights_.empty() && lights_.sample(path.here(), path.sampler, light) && askLight(path, wave);
+}
+
+/// Makes a question of a light that was sampled. Shadow rays of small lights are C-rays; large ones
+/// are cones where this device makes them worth it. False if the light does not count.
+bool PathTracer::askLight(WavePath& path, Wave& wave) const {
   const Bsdf& bsdf = *path.bsdf;
-  path.asks = false;
-  if (lights_.empty()) return;
   LightQuestion& q = path.question;
-  q.light = LightSample{};
-  if (!lights_.sample(path.here(), path.sampler, q.light)) return;
   const LightSample& light = q.light;
   const bool caustic = light.delta && path.spread && path.caustics != nullptr;
   q.kind = caustic ? LobeKind::kBroad : LobeKind::kAll;
   q.surface = bsdf.value(light.direction, q.kind);
-  if (maxComponent(q.surface.f) <= 0.0f) return;
+  if (maxComponent(q.surface.f) <= 0.0f) return false;
   if (!rays_.leave(path.surface, light.direction, bsdf.leavesFront(light.direction), q.start))
-    return;
+    return false;
   // A cone vertex gathers its far field without emission, so a far emitter is light sampling's
   // alone.
   const float near = path.coneVertex ? nearField() : 0.0f;
@@ -45,9 +80,22 @@ void PathTracer::ask(WavePath& path, Wave& wave) const {
   if (q.coneShadow) {
     const float weight = q.farEmitter ? 1.0f : lightWeight(light, light.pdf, q.surface.pdf);
     shadowCone(path, path.throughput * q.surface.f * light.radiance / light.pdf * weight, wave);
-    if (!path.paired) return;
+    if (!path.paired) return false;
   }
-  path.asks = true;
+  return true;
+}
+
+/// The same at a plain surface, which is no cone vertex.
+bool PathTracer::askPlain(WavePath& path, const Wave& wave, const PlainValues& values) const {
+  const PlainLanes& lanes = wave.lanesOf(path);
+  const std::size_t lane = Wave::laneOf(path);
+  LightQuestion& q = path.question;
+  q.kind = LobeKind::kAll;
+  q.surface = {PlainLanes::vector(values.f, lane), values.pdf[lane]};
+  q.farEmitter = q.coneShadow = false;
+  return maxComponent(q.surface.f) > 0.0f &&
+         rays_.leave(path.surface, q.light.direction, lanes.leavesFront(q.light.direction, lane),
+                     q.start);
 }
 
 /// What arrives of the light that was chosen, and of caustics.
@@ -63,17 +111,23 @@ vec3 PathTracer::causticLight(const WavePath& path) const {
 
 void PathTracer::takeAnswer(WavePath& path) const {
   const LightQuestion& q = path.question;
-  const vec3 absorption = path.bsdf->absorptionTowards(q.light.direction, path.absorption);
-  const LightConnection way = connect(path, q.start, q.light.direction, q.light.end(), absorption);
+  const LightConnection way =
+      connect(path, q.start, q.light.direction, q.light.end(), absorptionOf(path));
   if (way.reaches()) path.add(weigh(path, way));
 }
 
+/// Of the volume that the question's ray goes through, 1/m.
+vec3 PathTracer::absorptionOf(const WavePath& path) const {
+  return path.isPlain()
+             ? path.absorption
+             : path.bsdf->absorptionTowards(path.question.light.direction, path.absorption);
+}
+
 /// The light of a question that arrives by `way`.
-LightAnswer PathTracer::weigh(const WavePath& path, const LightConnection& way) const {
-  const Bsdf& bsdf = *path.bsdf;
+LightAnswer PathTracer::weigh(WavePath& path, const LightConnection& way) const {
   const LightQuestion& q = path.question;
   const LightSample& light = q.light;
-  const BsdfValue surface = way.refracted ? bsdf.value(way.direction, q.kind) : q.surface;
+  const BsdfValue surface = way.refracted ? bsdfOf(path).value(way.direction, q.kind) : q.surface;
   const float pdf = light.pdfBy(way);
   const vec3 unweighted = path.throughput * surface.f * light.radiance * way.passed / pdf;
   const float weight = lightWeight(light, pdf, surface.pdf),

@@ -10,9 +10,11 @@ namespace trex {
 
 /// A sample to take: number `sample` of pixel (x, y). `paired` asks for X as well; without a cache
 /// X is all there is and goes to `common`.
+/// A look ends where it knows its `feature`: its `common` is what is seen of emitters up to there.
 struct PathJob {
   std::uint32_t x, y, sample;
   bool paired = false;
+  bool look = false;
 };
 
 /// A G-ray that a path asks for. The answer adds to the guess of its pixel:

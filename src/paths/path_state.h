@@ -33,11 +33,12 @@ struct PathState {
   float roughness = 0.0f;        ///< of the last lobe
   float roulette = 1.0f;         ///< undoes the radiance scaling of refraction
   float length = 0.0f;           ///< from the eye to the last surface
-  std::uint32_t turns = 0;       ///< times scattered or reflected: what Scene::maxBounces counts
+  std::uint16_t turns = 0;       ///< times scattered or reflected: what Scene::maxBounces counts
   std::uint16_t bounces = 0;
   std::uint16_t layers = 0;     ///< of the bounces, those through transparent layers
   std::uint16_t scattered = 0;  ///< times, mirrors and clear glass not counted
   bool paired = false;          ///< the exact light is asked for as well
+  bool look = false;            ///< ends at the surface that the eye knows
   bool coupled = true;
   bool coneRay = false;  ///< the vertex hands its far field to a cone
   bool seen = false;     ///< the feature is known

@@ -18,7 +18,14 @@ PathTracer::PathTracer(const Scene& scene, const RayScene& rays, const LightSet&
       seed_(seed),
       background_(background),
       layers_(scene, rays),
-      caustics_(caustics) {}
+      caustics_(caustics),
+      kernels_(choosePlainKernels()) {
+  // Media add light on the way, cones ask for more of a surface, and paths that wait for pages go
+  // on by themselves.
+  if (media_ == nullptr && !guess_.cones && rays.parts().paged == nullptr) {
+    plain_ = plainMaterials(scene.materials);
+  }
+}
 
 void PathTracer::trace(std::span<const PathJob> jobs, std::uint32_t width, std::uint32_t first,
                        std::span<PathSample> samples, std::span<RayCounts> counts,
@@ -52,6 +59,7 @@ PathState PathTracer::generate(const PathJob& job, std::uint32_t number, Sampler
   PathState path{.job = number,
                  .number = job.sample,
                  .paired = job.paired,
+                 .look = job.look,
                  .certain = media_ == nullptr && !camera_.hasLens()};
   const vec2 jitter = sampler.next2D();
   camera_.ray(static_cast<float>(job.x) + jitter.x, static_cast<float>(job.y) + jitter.y,
@@ -67,18 +75,16 @@ PathState PathTracer::generate(const PathJob& job, std::uint32_t number, Sampler
 void PathTracer::run(Wave& wave) const {
   extendFirst(wave);
   while (!wave.underWay.empty()) {
+    decode(wave);
     std::erase_if(wave.underWay, [&](WavePath* path) {
-      path->fate = arrive(*path);
+      path->fate = path->isPlain() ? arrivePlain(*path, wave) : arrive(*path);
       return path->fate == Fate::kEnds;
     });
-    for (WavePath* path : wave.underWay) {
-      if (path->fate == Fate::kLit) ask(*path, wave);
-    }
+    ask(wave);
     for (WavePath* path : wave.underWay) {
       if (path->fate == Fate::kLit) answer(*path);
     }
-    std::erase_if(wave.underWay,
-                  [&](WavePath* path) { return path->fate != Fate::kPasses && !scatter(*path); });
+    scatter(wave);
     std::erase_if(wave.underWay, [&](WavePath* path) { return !extend(*path, wave); });
   }
 }

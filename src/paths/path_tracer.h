@@ -3,10 +3,10 @@
 //
 // Paths are data (path_state.h) and go in waves through stages, each in one file:
 //
-//   generate ─► extend ─► arrive ─► ask ─► answer ─► scatter ─┐
-//                 ▲  trace   surface  choose  shadow   next     │
-//                 │          cache    light   ray      ray      │
-//                 └─────────────────────────────────────────────┘
+//   generate ─► extend ─► decode ─► arrive ─► ask ─► answer ─► scatter ─┐
+//                 ▲ trace surface   cache     choose shadow    next     │
+//                 │                           light  ray       ray      │
+//                 └─────────────────────────────────────────────────────┘
 //
 // As long as guess and exact path agree a path's light is `common`. Where the footprint rule lets a
 // ray end in cached light (G1) or hands it to a cone (G0), the guess leaves the path: what it adds
@@ -24,6 +24,7 @@
 #include "src/crays/clear_path.h"
 #include "src/crays/light_cache.h"
 #include "src/crays/lights.h"
+#include "src/crays/plain_lanes.h"
 #include "src/crays/ray_scene.h"
 #include "src/paths/path_sample.h"
 
@@ -33,6 +34,7 @@ enum class Fate : std::uint8_t;
 struct LightAnswer;
 struct NextRay;
 struct PathState;
+struct Turning;
 struct Wave;
 struct WavePath;
 
@@ -78,18 +80,31 @@ class PathTracer {
   bool handToCone(WavePath& path, Wave& wave) const;
   void miss(WavePath& path) const;
 
+  void decode(Wave& wave) const;
+  bool decodePlain(WavePath& path, Wave& wave) const;
+  void prefetchTextures(const WavePath& path) const;
+  void colourPlain(const WavePath& path, Wave& wave) const;
+  void finishPlain(WavePath& path, const Wave& wave) const;
+  const Bsdf& bsdfOf(WavePath& path) const;
   Fate arrive(WavePath& path) const;
+  Fate arrivePlain(WavePath& path, const Wave& wave) const;
   bool passLayer(WavePath& path) const;
+  void meet(WavePath& path) const;
   void look(WavePath& path) const;
+  void see(WavePath& path, const vec3& albedo, const vec3& normal) const;
   void emit(WavePath& path) const;
-  bool endInCache(WavePath& path) const;
+  bool endInCache(WavePath& path, const vec3& side) const;
 
+  void ask(Wave& wave) const;
   void ask(WavePath& path, Wave& wave) const;
+  bool askLight(WavePath& path, Wave& wave) const;
+  bool askPlain(WavePath& path, const Wave& wave, const PlainValues& values) const;
   void shadowCone(WavePath& path, const vec3& radiance, Wave& wave) const;
   void answer(WavePath& path) const;
   void takeAnswer(WavePath& path) const;
   vec3 causticLight(const WavePath& path) const;
-  LightAnswer weigh(const WavePath& path, const LightConnection& way) const;
+  vec3 absorptionOf(const WavePath& path) const;
+  LightAnswer weigh(WavePath& path, const LightConnection& way) const;
   LightConnection connect(WavePath& path, const RayStart& start, const vec3& direction,
                           const RayEnd& end, const vec3& absorption) const;
   float emitterWeight(float density, const RayStart& left, const LightPoint& vertex,
@@ -100,7 +115,10 @@ class PathTracer {
   vec3 scatteredLight(WavePath& path, const dvec3& point, float anisotropy) const;
   vec3 lightAlong(WavePath& path, const dvec3& point, const vec3& direction, float pdf) const;
 
+  void scatter(Wave& wave) const;
   bool scatter(WavePath& path) const;
+  bool scatterPlain(WavePath& path, const Wave& wave, const PlainSamples& samples) const;
+  bool goOn(WavePath& path, const BsdfSample& next, const Turning& how) const;
   void passClear(WavePath& path, const vec3& direction) const;
 
   float nearField() const;
@@ -115,6 +133,8 @@ class PathTracer {
   bool background_;
   ClearLayers layers_;
   const CausticMaps* caustics_;
+  std::vector<PlainMaterial> plain_;  ///< by material; empty: no surface is plain
+  const PlainKernels* kernels_;
 };
 
 }  // namespace trex

@@ -1,6 +1,7 @@
 #include "src/paths/path_tracer.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "src/paths/wave.h"
@@ -13,6 +14,32 @@ constexpr int kMostBounces = 256;  // a backstop: roulette ends paths long befor
 
 }  // namespace
 
+/// What a surface says of a direction that was chosen.
+struct Turning {
+  bool alone;  ///< there was no other, and what is seen in the surface stands for it
+  bool front;  ///< leaves on the triangle's front
+  vec3 normal;
+};
+
+/// Next rays of all paths; those that end are no longer under way.
+void PathTracer::scatter(Wave& wave) const {
+  std::array<PlainSamples, Wave::kPaths / PlainLanes::kLanes> samples{};
+  for (WavePath* path : wave.underWay) {
+    if (path->fate == Fate::kPasses || !path->isPlain()) continue;
+    PlainSamples& of = samples[path->place / PlainLanes::kLanes];
+    const std::size_t lane = Wave::laneOf(*path);
+    of.choice[lane] = path->sampler.next1D();
+    const vec2 u = path->sampler.next2D();
+    of.u[lane] = u.x, of.v[lane] = u.y;
+  }
+  for (std::size_t i = 0; i < wave.plainBlocks(); ++i) kernels_->sample(wave.plain[i], samples[i]);
+  std::erase_if(wave.underWay, [&](WavePath* path) {
+    if (path->fate == Fate::kPasses) return false;
+    return !(path->isPlain() ? scatterPlain(*path, wave, samples[path->place / PlainLanes::kLanes])
+                             : scatter(*path));
+  });
+}
+
 /// Chooses the next direction. False where the path ends.
 bool PathTracer::scatter(WavePath& path) const {
   const Bsdf& bsdf = *path.bsdf;
@@ -21,22 +48,43 @@ bool PathTracer::scatter(WavePath& path) const {
   if (path.caustics != nullptr && !next.delta) {
     path.spread |= !bsdf.goesOnSharp(path.sampler, next);
   }
+  return goOn(path, next,
+              {bsdf.showsOthers() && bsdf.oneLobe(), bsdf.leavesFront(next.direction),
+               bsdf.transmits() ? vec3(0.0f) : bsdf.normal()});
+}
+
+bool PathTracer::scatterPlain(WavePath& path, const Wave& wave, const PlainSamples& samples) const {
+  const PlainLanes& lanes = wave.lanesOf(path);
+  const std::size_t lane = Wave::laneOf(path);
+  if (++path.bounces >= kMostBounces || !PlainLanes::is(samples.found, lane)) return false;
+  BsdfSample next;
+  next.direction = PlainLanes::vector(samples.direction, lane);
+  next.weight = PlainLanes::vector(samples.weight, lane);
+  next.pdf = samples.pdf[lane];
+  next.roughness = samples.roughness[lane];
+  return goOn(
+      path, next,
+      {false, lanes.leavesFront(next.direction, lane), PlainLanes::vector(lanes.normal, lane)});
+}
+
+bool PathTracer::goOn(WavePath& path, const BsdfSample& next, const Turning& how) const {
   path.throughput *= next.weight;
   path.roulette *= next.etaSquared;
   if (path.bounces >= kRouletteFrom) {
-    const float survival = std::min(0.95f, maxComponent(path.throughput) * path.roulette);
+    // The square root costs a tenth more rays and takes more than that of the noise.
+    const float survival =
+        std::min(0.95f, std::sqrt(maxComponent(path.throughput) * path.roulette));
     if (!(survival > 0.0f) || path.sampler.next1D() >= survival) return false;
     path.throughput /= survival;
   }
   if (!(maxComponent(path.throughput) > 0.0f)) return false;
-  path.certain &= bsdf.showsOthers() && bsdf.oneLobe();
-  const bool front = bsdf.leavesFront(next.direction);
-  if (!rays_.leave(path.surface, next.direction, front, path.start)) return false;
-  if (next.delta && next.transmitted && ClearLayers::clear(bsdf)) {
+  path.certain &= how.alone;
+  if (!rays_.leave(path.surface, next.direction, how.front, path.start)) return false;
+  if (next.delta && next.transmitted && ClearLayers::clear(*path.bsdf)) {
     passClear(path, next.direction);
   } else {
     if (++path.turns > scene_.maxBounces) return false;
-    path.turn(bsdf.transmits() ? vec3(0.0f) : bsdf.normal());
+    path.turn(how.normal);
     path.scatterPdf = next.delta ? kInfinity : next.pdf;
     if (!next.delta) ++path.scattered;
     path.roughness = next.roughness;
@@ -44,7 +92,9 @@ bool PathTracer::scatter(WavePath& path) const {
   }
   path.direction = next.direction;
   path.tnear = 0.0f;
-  if (next.transmitted) path.absorption = bsdf.absorptionTowards(next.direction, path.absorption);
+  if (next.transmitted) {
+    path.absorption = path.bsdf->absorptionTowards(next.direction, path.absorption);
+  }
   return true;
 }
 

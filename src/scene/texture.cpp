@@ -130,6 +130,24 @@ vec4 sampleTexture(const Image& image, const Texture& texture, vec2 uv, bool srg
   });
 }
 
+void prefetchTexture(const Image& image, const Texture& texture, vec2 uv) {
+  if (!hasTexels(image)) return;
+  uv = transformUv(texture, uv);
+  const Tap x = tap(uv.x, image.width, texture.wrapS, texture.nearest);
+  const Tap y = tap(uv.y, image.height, texture.wrapT, texture.nearest);
+  const auto ask = [&](int row) {
+    const std::size_t first =
+        (std::size_t(row) * image.width + x.first) * static_cast<std::size_t>(image.channels);
+    if (image.bytes.empty()) {
+      __builtin_prefetch(&image.floats[first]);
+    } else {
+      __builtin_prefetch(&image.bytes[first]);
+    }
+  };
+  ask(y.first);
+  ask(y.second);
+}
+
 vec4 textureMean(const Image& image, bool srgb) {
   if (!hasTexels(image)) return vec4(1.0f);
   const std::size_t count = std::size_t(image.width) * image.height;

@@ -18,6 +18,9 @@ inline vec4 readTexture(const std::vector<Image>& images, const Texture& texture
                        srgb);
 }
 
+/// Asks memory for what a bilinear sample at uv reads. Thread safe.
+void prefetchTexture(const Image& image, const Texture& texture, vec2 uv);
+
 /// Whether a surface's texture coordinates count: those of textures, and for the direction of
 /// anisotropy.
 inline bool readsTexCoords(const Material& m) { return m.textured() || m.finish.anisotropy > 0.0f; }

@@ -102,10 +102,11 @@ DenoiseMethod denoiseMethod(const RenderSettings& s) {
 double denoiseSeconds(DenoiseMethod method, const RenderSettings& s) {
   if (method == DenoiseMethod::kOff) return 0.0;
   const bool pairs = s.exact > 0.0 && s.exact < 1.0;
+  const double corrections = !pairs ? 0.0 : s.dial ? 2.0 : 1.0;  // a dial's: of two halves
   const double pixels = static_cast<double>(s.width) * s.height;
-  if (!isOidn(method)) return (pairs ? 2.0 : 1.0) * filterSeconds() * pixels;
+  if (!isOidn(method)) return (1.0 + corrections) * filterSeconds() * pixels;
   const double times = method == DenoiseMethod::kOidnThorough ? kThorough : 1.0;
-  return (times * oidnSeconds(*findOidn().library) + (pairs ? filterSeconds() : 0.0)) * pixels;
+  return (times * oidnSeconds(*findOidn().library) + corrections * filterSeconds()) * pixels;
 }
 
 std::string denoiserName(DenoiseMethod method) {

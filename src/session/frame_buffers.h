@@ -6,6 +6,8 @@
 #include "src/frame/accumulator.h"
 #include "src/frame/features.h"
 #include "src/frame/layers.h"
+#include "src/frame/light_memory.h"
+#include "src/session/dial.h"
 #include "src/session/scheduler.h"
 
 namespace trex {
@@ -20,11 +22,15 @@ struct FrameBuffers {
   std::unique_ptr<CoverageImage> coverage;
   std::unique_ptr<FirstHitImage> firstHits;
   std::unique_ptr<RayClassImage> rayClasses;
+  /// Of the viewer; outlives restart().
+  std::unique_ptr<LightMemory> memory;
+  std::unique_ptr<Dial> dial;  ///< null where the share of pairs is given
   TileScheduler tiles;
 
   FrameBuffers(std::uint32_t width, std::uint32_t height, bool pairs, bool filtered,
-               const PictureLayers& layers, TileScheduler scheduler)
+               const PictureLayers& layers, TileScheduler scheduler, bool dialled = false)
       : sums(width, height, pairs), tiles(std::move(scheduler)) {
+    if (dialled) dial = std::make_unique<Dial>(tiles.tiles().size(), std::uint64_t{width} * height);
     if (filtered || layers.needsFeatures()) {
       features = std::make_unique<FeatureImage>(width, height);
     }
@@ -37,6 +43,7 @@ struct FrameBuffers {
   void restart() {
     tiles.restart();
     sums.restart();
+    if (dial) dial->restart();
   }
   void restart(std::uint32_t x, std::uint32_t y) {
     sums.restart(x, y);

@@ -10,7 +10,11 @@ constexpr std::uint32_t kFirstLook = 16;
 }  // namespace
 
 Goal::Goal(const RenderSettings& s, double afterwards)
-    : samples_(s.samples), seconds_(s.seconds), error_(s.error), nextLook_(kFirstLook) {
+    : samples_(s.samples),
+      seconds_(s.seconds),
+      error_(s.error),
+      part_(s.dial ? 3 : 8),
+      nextLook_(kFirstLook) {
   if (s.seconds > 0.0) seconds_ = std::max(s.seconds - afterwards, 0.1 * s.seconds);
 }
 
@@ -30,10 +34,11 @@ double Goal::progress(double samples, double seconds) const {
   return std::min(done, 1.0);
 }
 
-void Goal::look(const Accumulator& sums, std::uint32_t samples) {
-  if (!(error_ > 0.0) || samples < nextLook_) return;
-  estimate_ = sums.estimatedError();
-  nextLook_ = samples + std::max(samples / 8u, 1u);
+bool Goal::wantsLook(std::uint32_t samples) const { return error_ > 0.0 && samples >= nextLook_; }
+
+void Goal::look(std::uint32_t samples, double error) {
+  estimate_ = error;
+  nextLook_ = samples + std::max(samples / part_, 1u);
 }
 
 void Goal::restart() { restore(kFirstLook, kInfinity); }

@@ -24,8 +24,15 @@ class Goal {
   /// No pixel needs more; 0: no limit.
   std::uint32_t mostSamples() const { return samples_; }
 
-  /// More samples are there: estimates the error if it is asked for, each time an eighth more are.
-  void look(const Accumulator& sums, std::uint32_t samples);
+  /// Whether the error is to be estimated: if it is a goal, each time an eighth more samples are
+  /// there; with a dial, whose estimate takes longer, a third more.
+  bool wantsLook(std::uint32_t samples) const;
+  /// The estimate, relMSE; infinite if it can't be told.
+  void look(std::uint32_t samples, double error);
+  /// That of the noise in these sums, if one is wanted.
+  void look(const Accumulator& sums, std::uint32_t samples) {
+    if (wantsLook(samples)) look(samples, sums.estimatedError());
+  }
   /// The picture begins anew.
   void restart();
 
@@ -40,6 +47,7 @@ class Goal {
  private:
   std::uint32_t samples_;
   double seconds_, error_;
+  std::uint32_t part_;           ///< of the samples, that many more until the next look
   std::uint32_t nextLook_;       ///< samples at which the error is estimated next
   double estimate_ = kInfinity;  ///< relMSE, as of the last look
 };

@@ -7,7 +7,6 @@ namespace {
 
 using State = VoxelLight::State;
 
-constexpr std::uint32_t kAnySamples = 0xffffffffu;
 constexpr std::uint32_t kPreviewSamples = 64;  // no preview lives that long
 constexpr std::uint32_t kCoarseCells = 16;     // every fourth pixel, a picture to go on with
 constexpr std::uint32_t kPreviewTurns = 3;
@@ -56,6 +55,7 @@ std::optional<Work> plan(const SessionState& s) {
   std::uint32_t barrier = s.interactive ? kAnySamples : s.samples + s.samplesAtOnce;
   if (s.mostSamples > 0) barrier = std::min(barrier, s.mostSamples);
   if (reads) barrier = std::min(barrier, nextLightSample(s));
+  barrier = std::min(barrier, s.nextLook);
   return Work{.kind = Work::Kind::kSamples, .barrier = barrier};
 }
 

@@ -13,6 +13,8 @@
 
 namespace trex {
 
+constexpr std::uint32_t kAnySamples = 0xffffffffu;
+
 /// All that the choice depends on.
 struct SessionState {
   bool guesses = false;  ///< samples read light, if there are voxels
@@ -23,6 +25,7 @@ struct SessionState {
   std::uint32_t samples = 0;      ///< that every pixel has
   std::uint32_t mostSamples = 0;  ///< that the goal lets a pixel have; 0: no limit
   bool goalReached = false;
+  std::uint32_t nextLook = kAnySamples;  ///< samples at which the dial looks next
   // Of the viewer alone:
   bool interactive = false;          ///< there are previews, and tiles overtake each other
   bool lightOfBefore = false;        ///< that previews read; else they trace exact paths

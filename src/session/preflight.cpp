@@ -44,7 +44,10 @@ std::uint64_t frameBytes(const RenderSettings& s, const PictureLayers& layers) {
   if (layers.alpha) bytes += pixels * CoverageImage::kBytesAPixel;
   if (layers.needsFirstHit()) bytes += pixels * FirstHitImage::kBytesAPixel;
   // One after the other: the filter is for the correction, and takes over if the other fails.
-  std::uint64_t denoiser = filter ? GuessFilter::bytesNeeded(s.width, s.height) : 0;
+  // A dial has two at a time, and to estimate the error another frame's features.
+  const std::uint64_t filters = s.dial ? 2 : 1;
+  std::uint64_t denoiser = filter ? filters * GuessFilter::bytesNeeded(s.width, s.height) : 0;
+  if (filter && s.dial) bytes += FeatureImage::bytesNeeded(s.width, s.height);
   if (oidn) denoiser = std::max(denoiser, Oidn::bytesNeeded(s.width, s.height));
   bytes += denoiser;
   // The picture, and what its file's writer holds of it.

@@ -16,6 +16,7 @@ namespace trex {
 /// Pixels between the two stages: traced, and waiting for the device's cones.
 struct SampleBatch {
   std::vector<PathJob> jobs;
+  std::uint32_t looks = 0;                      ///< of the jobs
   std::vector<std::uint32_t> finishedTiles;     ///< that come to a whole sample or level by it
   std::vector<PathSample> paths;                ///< by job
   std::vector<RayCounts> rays;                  ///< by job
@@ -31,10 +32,11 @@ constexpr double kBatchSeconds = 0.003;        // between two questions whether 
 constexpr double kShareOfLimit = 0.2;          // see adaptWaiting()
 constexpr std::size_t kLargestUnit = 64 * 64;  // pixels of a tile
 constexpr std::uint32_t kLeastBatch = 256, kLargestBatch = 1u << 16;
+constexpr std::uint32_t kLooksOfASample = 8;  // that cost about as much
 
 /// The pixels of a unit.
 void addJobs(const Tile& tile, const TileUnit& unit, SampleBatch& batch) {
-  if (unit.endCell == lattice::kCells || lattice::spacing(unit.endCell) > 0) {
+  if (!unit.look && (unit.endCell == lattice::kCells || lattice::spacing(unit.endCell) > 0)) {
     batch.finishedTiles.push_back(unit.tile);
   }
   if (unit.firstCell == 0 && unit.endCell == lattice::kCells) {
@@ -50,7 +52,11 @@ void addJobs(const Tile& tile, const TileUnit& unit, SampleBatch& batch) {
       for (std::uint32_t cell = unit.firstCell; cell < unit.endCell; ++cell) {
         const lattice::Place at = lattice::kPlaces[cell];
         if (x + at.x >= tile.width || y + at.y >= tile.height) continue;
-        batch.jobs.push_back({tile.x + x + at.x, tile.y + y + at.y, unit.sample});
+        batch.jobs.push_back({.x = tile.x + x + at.x,
+                              .y = tile.y + y + at.y,
+                              .sample = unit.sample,
+                              .look = unit.look});
+        batch.looks += unit.look;
       }
     }
   }
@@ -66,19 +72,31 @@ void prepareCaustics(CausticMaps& caustics, const SampleBatch& batch) {
   caustics.prepare(samples);
 }
 
+/// Of a batch, in samples.
+std::size_t costOf(const SampleBatch& batch) {
+  return batch.jobs.size() - batch.looks + (batch.looks + kLooksOfASample - 1) / kLooksOfASample;
+}
+
 /// A finished sample enters the frame and its layers.
 void addSample(FrameBuffers& frame, const SampleBatch& batch, std::size_t i) {
-  const auto& [x, y, sample, paired] = batch.jobs[i];
+  const auto& [x, y, sample, paired, look] = batch.jobs[i];
   const PathSample& p = batch.paths[i];
+  if (look) {
+    frame.features->look(x, y, p.feature, isFinite(p.common) ? p.common : vec3(0.0f));
+    return;
+  }
   const vec3 exact = p.common + p.exact;
   if (sample == 0) frame.restart(x, y);
   const bool finite = frame.sums.add(x, y, sample, p.common + p.guess, paired ? &exact : nullptr);
   if (frame.features && finite) {
-    frame.features->add(x, y, p.feature, p.common - p.own + p.guess);
+    const vec3 light = p.common - p.own + p.guess;
+    frame.features->add(x, y, p.feature, light);
+    if (frame.memory) frame.memory->add(p.feature, light);
   }
   if (frame.coverage) frame.coverage->add(x, y, p.alpha);
   if (frame.firstHits) frame.firstHits->add(x, y, sample, p.first);
   if (frame.direct && finite) frame.direct->add(x, y, p.direct, paired ? &p.directExact : nullptr);
+  if (frame.dial) frame.dial->add(frame.tiles.tileAt(x, y), paired, batch.rays[i]);
   if (frame.rayClasses) {
     const RayCounts& rays = batch.rays[i];
     frame.rayClasses->add(x, y, static_cast<float>(rays.cRays + rays.shadowRays),
@@ -131,7 +149,7 @@ void SampleTaker::take(FrameBuffers& frame, const SampleSource& source, VoxelLig
     const std::uint32_t samples = frame.tiles.samplesDone(), tiles = frame.tiles.tilesDone();
     more =
         fill(frame, wanted(source, std::size_t{frame.sums.width()} * frame.sums.height()), batch);
-    const std::size_t jobs = batch.jobs.size();
+    const std::size_t jobs = batch.jobs.size(), cost = costOf(batch);
     // Of nothing nothing is given up: the first samples of a picture are awaited.
     const bool mayGiveUp = samples > 0 || tiles > 0;
     if (jobs > 0 && !trace(frame, source, light, batch, mayGiveUp)) {
@@ -141,7 +159,7 @@ void SampleTaker::take(FrameBuffers& frame, const SampleSource& source, VoxelLig
     }
     merge(frame, light, batches[(i + 1) % 2]);
     if (source.batched) merge(frame, light, batch);  // there is no room for two
-    adapt(secondsNow() - mark, jobs);
+    adapt(secondsNow() - mark, cost);
     if (source.batched) adaptWaiting(secondsNow() - mark, jobs);
   }
   for (SampleBatch& batch : batches) merge(frame, light, batch);
@@ -158,7 +176,7 @@ std::size_t SampleTaker::wanted(const SampleSource& source, std::size_t pixels) 
 
 /// Units for a batch. False once none is left.
 bool SampleTaker::fill(FrameBuffers& frame, std::size_t wanted, SampleBatch& batch) const {
-  while (batch.jobs.size() < wanted) {
+  while (costOf(batch) < wanted) {
     const auto unit = frame.tiles.next();
     if (!unit) return false;
     addJobs(frame.tiles.tiles()[unit->tile], *unit, batch);
@@ -166,9 +184,9 @@ bool SampleTaker::fill(FrameBuffers& frame, std::size_t wanted, SampleBatch& bat
   return true;
 }
 
-void SampleTaker::adapt(double seconds, std::size_t jobs) {
+void SampleTaker::adapt(double seconds, std::size_t cost) {
   if (seconds > 1.5 * kBatchSeconds) batchPixels_ = std::max(batchPixels_ / 2, kLeastBatch);
-  if (seconds < 0.5 * kBatchSeconds && jobs >= batchPixels_) {
+  if (seconds < 0.5 * kBatchSeconds && cost >= batchPixels_) {
     batchPixels_ = std::min(batchPixels_ * 2, kLargestBatch);
   }
 }
@@ -195,7 +213,9 @@ bool SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
   if (source.caustics != nullptr) prepareCaustics(*source.caustics, batch);
   for (PathJob& job : batch.jobs) {
     const double offset = toUnitFloat(hashCombine(hashCombine(job.x, job.y), seed_));
-    job.paired = source.pairs && takesExact(job.sample, exact_, offset);
+    const double share =
+        frame.dial ? frame.dial->tile(frame.tiles.tileAt(job.x, job.y)).share : exact_;
+    job.paired = source.pairs && !job.look && takesExact(job.sample, share, offset);
   }
   if (source.batched) {
     const bool done =
@@ -245,6 +265,7 @@ void SampleTaker::merge(FrameBuffers& frame, VoxelLight& light, SampleBatch& bat
     for (const std::uint32_t tile : batch.finishedTiles) rateTile(frame, tile);
   }
   batch.jobs.clear();
+  batch.looks = 0;
   batch.finishedTiles.clear();
 }
 

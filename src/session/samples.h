@@ -65,7 +65,7 @@ class SampleTaker {
              SampleBatch& batch, bool mayGiveUp);
   void adaptWaiting(double seconds, std::size_t jobs);
   void merge(FrameBuffers& frame, VoxelLight& light, SampleBatch& batch);
-  void adapt(double seconds, std::size_t jobs);
+  void adapt(double seconds, std::size_t cost);
 
   bool interactive_;
   std::uint32_t seed_;

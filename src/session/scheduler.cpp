@@ -14,6 +14,8 @@ namespace {
 
 /// The coarse frame fills 1, 4, 8, 12, 16 cells: small passes, so that no tile waits long.
 constexpr std::uint32_t kCoarse = 16;
+/// Cells after which the pixels that are left out are looked at: there is a picture to go on with.
+constexpr std::uint32_t kLookedAfter = 4;
 
 }  // namespace
 
@@ -36,8 +38,18 @@ TileScheduler::TileScheduler(std::vector<Tile> tiles, Order order, std::uint32_t
 }
 
 std::uint32_t TileScheduler::spacingAt(std::uint32_t x, std::uint32_t y) const {
-  const TileState& s = states_[grid_[std::size_t{y / side_} * columns_ + x / side_]];
+  const TileState& s = states_[tileAt(x, y)];
   return s.sample > 0 ? 1 : lattice::spacing(s.cells);
+}
+
+bool TileScheduler::sampled(std::uint32_t x, std::uint32_t y) const {
+  const TileState& s = states_[tileAt(x, y)];
+  return s.sample > 0 || lattice::cellAt(x, y) < s.cells;
+}
+
+bool TileScheduler::looked() const {
+  return std::all_of(states_.begin(), states_.end(),
+                     [](const TileState& s) { return s.looked || s.sample > 0; });
 }
 
 void TileScheduler::restart() {
@@ -138,6 +150,21 @@ std::optional<TileUnit> TileScheduler::nextCoarse() {
       const std::uint32_t i = nearest_[coarseNext_];
       if (states_[i].sample == 0 && states_[i].cells < coarse_) return take(i, coarse_);
     }
+    if (coarse_ == kLookedAfter) {
+      if (auto look = nextLook()) return look;
+    }
+  }
+  return {};
+}
+
+/// Tiles that no pixel beyond those of the coarse frame has been looked at of.
+std::optional<TileUnit> TileScheduler::nextLook() {
+  if (!looks_) return {};
+  for (const std::uint32_t i : nearest_) {
+    TileState& s = states_[i];
+    if (s.looked || s.sample > 0) continue;
+    s.looked = true;
+    return TileUnit{.tile = i, .firstCell = s.cells, .endCell = kCells, .look = true};
   }
   return {};
 }

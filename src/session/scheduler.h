@@ -3,9 +3,10 @@
 //   kSweep       captures: every tile one more sample, from the centre outwards
 //   kPerception  the viewer: first a coarse frame of every tile (1, 4, ... 16 cells of the lattice
 //   of
-//                frame/lattice.h), then the tile where one more sample gains most: near the
-//                pointer, noisy or rich in contrast, with few samples. A share of each frame goes
-//                to the tiles served longest ago, so that none waits longer than kMostFrames.
+//                frame/lattice.h; after 4, if that is asked for, a look at what all other pixels
+//                show), then the tile where one more sample gains most: near the pointer, noisy or
+//                rich in contrast, with few samples. A share of each frame goes to the tiles served
+//                longest ago, so that none waits longer than kMostFrames.
 //
 // No tile passes the barrier before all have reached it: the light may change there.
 #pragma once
@@ -19,9 +20,10 @@
 
 namespace trex {
 
-/// Cells [firstCell, endCell) of a tile get sample number `sample`.
+/// Cells [firstCell, endCell) of a tile get sample number `sample`, or are looked at.
 struct TileUnit {
   std::uint32_t tile = 0, sample = 0, firstCell = 0, endCell = 0;
+  bool look = false;
 };
 
 /// What a tile has so far: `sample` whole samples and `cells` cells of the next one.
@@ -29,6 +31,7 @@ struct TileState {
   std::uint32_t sample = 0, cells = 0;
   std::uint32_t served = 0;  ///< frame in which it last got anything
   float error = 1.0f;        ///< of noise and contrast as it is now, relative
+  bool looked = false;       ///< what its pixels without samples show is known
   double progress() const { return sample + cells / 64.0; }
 };
 
@@ -53,11 +56,21 @@ class TileScheduler {
   /// What to do next; it counts as done. Nothing if every tile stands at the barrier.
   std::optional<TileUnit> next();
   void setError(std::uint32_t tile, float error) { states_[tile].error = error; }
+  /// Whether coarse frames look at the pixels that they leave out.
+  void setLooks(bool looks) { looks_ = looks; }
 
   const std::vector<Tile>& tiles() const { return tiles_; }
   const TileState& state(std::uint32_t tile) const { return states_[tile]; }
+  /// Number of the tile that holds pixel (x, y).
+  std::uint32_t tileAt(std::uint32_t x, std::uint32_t y) const {
+    return grid_[std::size_t{y / side_} * columns_ + x / side_];
+  }
   /// Spacing of the pixels that have a sample around (x, y); 0: none has.
   std::uint32_t spacingAt(std::uint32_t x, std::uint32_t y) const;
+  /// Whether a pixel has a sample.
+  bool sampled(std::uint32_t x, std::uint32_t y) const;
+  /// Whether it is known of every pixel what it shows, by samples or by looks.
+  bool looked() const;
   /// Samples that every tile has whole.
   std::uint32_t samplesDone() const;
   /// Tiles of a sweep that have one more.
@@ -74,6 +87,7 @@ class TileScheduler {
   TileUnit take(std::uint32_t tile, std::uint32_t endCell);
   std::optional<TileUnit> nextOfSweep();
   std::optional<TileUnit> nextCoarse();
+  std::optional<TileUnit> nextLook();
   std::optional<TileUnit> nextStarved();
   std::optional<TileUnit> nextBest();
   double gain(std::uint32_t tile) const;
@@ -91,6 +105,7 @@ class TileScheduler {
   std::uint32_t barrier_ = 0xffffffffu;
   std::uint32_t sweepSample_ = 0, sweepTile_ = 0;  ///< of a sweep: what comes next
   std::uint32_t coarse_ = 1, coarseNext_ = 0;      ///< level under way, place in nearest_
+  bool looks_ = false;
   std::uint32_t frame_ = 0, starvedLeft_ = 0, unitPixels_ = 4096;
 };
 

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "src/core/clock.h"
+#include "src/session/picture_error.h"
 
 namespace trex {
 namespace {
@@ -87,6 +88,7 @@ SessionState Session::state() const {
   s.turn = turn_;
   // Maps of caustics are one sample's.
   if (loads_ && settings_.error == 0.0 && !caustics_) s.samplesAtOnce = samplesAtOnce();
+  if (frame_->dial) s.nextLook = frame_->dial->nextLook();
   s.interactive = preview_ != nullptr;
   if (!preview_) return s;
   s.lightOfBefore = light_.hasLight();
@@ -105,7 +107,8 @@ void Session::perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer
     case Work::Kind::kSamples:
       frame_->tiles.setBarrier(work.barrier);
       samples_.take(*frame_, source_, light_, going, pointer);
-      goal_.look(frame_->sums, samplesDone());
+      if (frame_->dial) frame_->dial->look(frame_->tiles.tiles(), samplesDone(), frame_->sums);
+      lookAtGoal();
       break;
     case Work::Kind::kPhotons:
       shootPhotons(work.photons, going);
@@ -120,6 +123,14 @@ void Session::perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer
   }
   ++turn_;
   report_.renderSeconds = secondsNow() - start;
+}
+
+/// Estimates the error if it is a goal and an estimate is due.
+void Session::lookAtGoal() {
+  if (!frame_->dial) return goal_.look(frame_->sums, samplesDone());
+  if (!goal_.wantsLook(samplesDone())) return;
+  const double error = estimatedError();
+  goal_.look(samplesDone(), error < 0.0 ? kInfinity : error);
 }
 
 /// Samples of the frame wait for the first light, and begin with it.
@@ -147,7 +158,12 @@ double Session::progress() const {
 }
 
 double Session::estimatedError(std::uint32_t stride) const {
-  return samplesDone() < 2 ? -1.0 : frame_->sums.estimatedError(stride);
+  if (samplesDone() < 2) return -1.0;
+  if (!frame_->dial || method_ == DenoiseMethod::kOff || stride != 1) {
+    return frame_->sums.estimatedError(stride);
+  }
+  const double error = estimatePictureError(*frame_);
+  return error < kInfinity ? error : -1.0;
 }
 
 PathSample Session::probe(std::uint32_t x, std::uint32_t y, std::uint32_t sample) const {
@@ -167,13 +183,18 @@ void Session::makeFrames() {
   const std::uint32_t width = settings_.width, height = settings_.height;
   PictureLayers kept = layers_;
   kept.direct |= mayUseOidn(settings_);
-  const auto make = [&](Order order) {
+  const auto make = [&](Order order, bool dialled) {
     return std::make_unique<FrameBuffers>(
         width, height, shownOptions().pairs, method_ != DenoiseMethod::kOff, kept,
-        TileScheduler(makeTiles(width, height, kTileSize), order, width, height));
+        TileScheduler(makeTiles(width, height, kTileSize), order, width, height), dialled);
   };
-  frame_ = make(settings_.interactive ? Order::kPerception : Order::kSweep);
-  if (settings_.interactive) preview_ = make(Order::kPerception);
+  frame_ = make(settings_.interactive ? Order::kPerception : Order::kSweep, settings_.dial);
+  if (!settings_.interactive) return;
+  preview_ = make(Order::kPerception, false);
+  // Media light what lies behind them, so that no look can tell what a pixel shows.
+  const bool looks = method_ != DenoiseMethod::kOff && model_->rays->media() == nullptr;
+  frame_->tiles.setLooks(looks);
+  if (looks) frame_->memory = std::make_unique<LightMemory>();
 }
 
 void Session::makeCamera() {

@@ -64,6 +64,7 @@ struct SessionReport {
   std::string denoiseProblem;  ///< why the filter had to take over at the last picture(), if so
   GRayStatistics gRays;
   std::uint32_t samplesDone = 0;  ///< complete passes
+  double exactShare = 0.0;        ///< of the samples, traced exactly
   std::uint64_t photons = 0, photonsLanded = 0, nonFinite = 0;
   RayCounts rays;
   RayScene::Statistics mesh;
@@ -133,6 +134,8 @@ class Session {
   std::uint32_t samplesDone() const { return frame_->tiles.samplesDone(); }
   /// Accumulator::estimatedError(); negative before two samples. Reads every pixel and its
   /// neighbours, some 20 ms at 640x360; only each stride-th pixel of each stride-th row if told so.
+  /// With a dial, a denoiser and stride 1 it is that of the denoised picture, with its bias:
+  /// estimatePictureError(); negative while that can't tell.
   double estimatedError(std::uint32_t stride = 1) const;
   /// A pair of a guess and an exact sample, beside the frame: for estimates of the bias.
   PathSample probe(std::uint32_t x, std::uint32_t y, std::uint32_t sample) const;
@@ -163,6 +166,7 @@ class Session {
   SessionState state() const;
   void perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer);
   void renewLight();
+  void lookAtGoal();
   void shootPhotons(std::uint64_t photons, const KeepGoing& keepGoing);
   void makeFrames();
   void makeCamera();

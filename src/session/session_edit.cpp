@@ -17,7 +17,10 @@ void Session::follow(const Invalidation& what, const Camera& camera) {
     // Until photons are shot the light of before stands for the new one.
     if (power > 0.0) light_.scaleBy(lights_->totalPower() / power);
   }
-  if (what.flux || what.lights) makeCaustics();
+  if (what.flux || what.lights) {
+    makeCaustics();
+    if (frame_->memory) frame_->memory->clear();
+  }
   if (what.flux) light_.invalidate(what.voxelValues ? State::kValues : State::kPhotons);
   if (light_.state() >= State::kShooting) light_.keepPhotons();  // a camera move keeps them
   if (what.frame) restartFrames();

@@ -66,6 +66,7 @@ Picture Session::picture() {
   if (layers_.materialId) picture.channels.emplace_back("materialId");
   if (layers_.sampleCount) picture.channels.emplace_back("sampleCount");
   if (layers_.variance) put("variance", "RGB");
+  if (layers_.exactShare) picture.channels.emplace_back("exactShare");
   std::vector<float>& values = picture.values;
   values.reserve(picture.channels.size() * settings_.width * settings_.height);
   const std::vector<vec3> colors = shown();
@@ -102,6 +103,11 @@ void Session::addLayers(std::uint32_t x, std::uint32_t y, std::vector<float>& va
   }
   if (layers_.sampleCount) values.push_back(static_cast<float>(frame_->sums.samples(x, y)));
   if (layers_.variance) add(vec3(frame_->sums.varianceOfMean(x, y)));
+  if (layers_.exactShare) {
+    const double pairs = static_cast<double>(frame_->sums.pairs(x, y));
+    const double samples = static_cast<double>(frame_->sums.samples(x, y));
+    values.push_back(source_.pairs ? static_cast<float>(pairs / std::max(samples, 1.0)) : 1.0f);
+  }
 }
 
 SessionReport Session::report() const {
@@ -111,6 +117,7 @@ SessionReport Session::report() const {
   out.samplesDone = samplesDone();
   out.rays = samples_.rays();
   out.nonFinite = frame_->sums.nonFiniteCount();
+  out.exactShare = !source_.pairs ? 1.0 : frame_->dial ? frame_->dial->share() : settings_.exact;
   if (const asvo::Tree* tree = light_.presentVoxels()) {
     out.device = light_.presentDevice()->name();  // it may have failed, and another gone on
     out.voxels = tree->info.nodeCount;
@@ -139,6 +146,7 @@ SessionReport Session::report() const {
 std::vector<std::span<std::byte>> Session::sums() {
   std::vector<std::span<std::byte>> parts{frame_->sums.guessBytes(),
                                           frame_->sums.differenceBytes()};
+  if (frame_->dial) parts.push_back(frame_->dial->bytes());
   if (frame_->features) parts.push_back(frame_->features->bytes());
   if (frame_->direct) parts.push_back(frame_->direct->bytes());
   if (frame_->coverage) parts.push_back(frame_->coverage->bytes());
@@ -170,6 +178,7 @@ void Session::restoreCheckpoint(CheckpointReader& reader) {
   report_.renderSeconds = header.renderSeconds;
   samples_.restoreRays(header.rays);
   frame_->tiles.restore(header.samplesDone, header.tilesDone);
+  if (frame_->dial) frame_->dial->restore(header.samplesDone);
   goal_.restore(header.errorCheck, header.error);
   frame_->sums.restoreNonFinite(header.nonFinite, header.nonFiniteSamples);
   // Photons are traced again; their light depends on their number alone.

@@ -40,6 +40,7 @@ struct RenderSettings {
   double seconds = 0.0;       ///< of rendering after set-up; 0: no limit
   double error = 0.0;         ///< estimated relMSE of the noise to stop at; 0: no limit
   double exact = 0.0;         ///< share of samples traced exactly, [0, 1]
+  bool dial = false;  ///< the share is chosen as it renders (dial.h), and `exact` kFirstShare
   std::uint32_t seed = 0;
   int device = kBestDevice;  ///< number of a Vulkan device, or one of the above
   GuessKind guess = GuessKind::kAuto;
@@ -56,5 +57,8 @@ struct RenderSettings {
   bool predictLoads = true;        ///< pages are loaded and kept by what is expected, too
   std::uint64_t maxGpuMemory = 0;  ///< bytes of device memory; 0: what the device has
 };
+
+/// The share of exact samples as a user gives it: a number, or auto.
+std::string exactText(const RenderSettings& settings);
 
 }  // namespace trex

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "src/core/sampler.h"
 #include "src/frame/oidn.h"
 
 namespace trex {
@@ -12,6 +13,11 @@ namespace {
 constexpr std::uint64_t kPairsThatTell = 2;  // a pixel, from which on there is a variance
 /// Of a pixel, from which on their own spread tells enough of their variance.
 constexpr std::uint64_t kSamplesThatTell = 4;
+/// Pixels wide, of the lattice that light is filtered on before that: one of it has four times as
+/// many samples, which tell its noise from its light.
+constexpr std::uint32_t kLeastLattice = 2;
+/// Mean of the pixels, from which on a dial's correction is looked for.
+constexpr double kPairsOfADial = 0.5;
 /// Likewise, well enough to tell what a denoiser that does not know them has lost.
 constexpr std::uint64_t kSamplesThatTellTheRest = 16;
 
@@ -32,7 +38,10 @@ std::vector<vec3> collect(std::uint32_t width, std::uint32_t height, std::uint32
 /// The filter drops rare bright differences, and waits for pairs enough to know their noise. What
 /// the guess lacks by them all is known well though: the picture takes the share `missing` / its
 /// sum of it everywhere. Bounded, as one path may outshine a picture.
-void makeUp(std::vector<vec3>& lit, double missing) {
+/// `doubt`: variance of `missing`, which counts as far as it stands out of it.
+void makeUp(std::vector<vec3>& lit, double missing, double doubt) {
+  constexpr double kDoubt = 4.0;  // of variances, as in the filter
+  if (doubt > 0.0) missing *= missing * missing / (missing * missing + kDoubt * doubt);
   constexpr double kMost = 2.0;
   double sum = 0.0;
   for (const vec3& v : lit) sum += static_cast<double>(v.x + v.y + v.z);
@@ -44,22 +53,26 @@ void makeUp(std::vector<vec3>& lit, double missing) {
 /// The filter of the difference to exact paths. each(value): of all pixels. What scatters no light
 /// has none: `scattering` is the share of each pixel's samples that may have some, not 0.
 /// `denoised` is the guess's light if it has been denoised by something that does not fade as
-/// samples grow: what it lacks of their mean is to be corrected too. Else it is empty.
+/// samples grow: what it lacks of their mean is to be corrected too. Else it is empty. With a dial
+/// that is all, as DialCorrection knows the difference.
 template <typename Each>
-GuessFilter correctionOf(const Accumulator& sums, const FeatureImage& features, const Each& each,
+GuessFilter correctionOf(const FrameBuffers& frame, const Each& each,
                          const std::vector<float>& scattering, const std::vector<vec3>& denoised) {
   using Pixel = std::uint32_t;
+  const Accumulator& sums = frame.sums;
+  const FeatureImage& features = *frame.features;
   // A rare bright path makes both mean and variance of its pixel large; a pixel that has met none
   // knows too little of them. So no variance counts as less than that of all pixels together.
   const dvec3 pooled = sums.pooledDifferenceVariance();
   auto difference = each([&](Pixel x, Pixel y) {
-    dvec3 all = sums.difference(x, y).mean();
+    dvec3 all = frame.dial ? dvec3(0.0) : sums.difference(x, y).mean();
     if (!denoised.empty()) {
       all += dvec3(features.light(x, y) - denoised[std::size_t{y} * features.width() + x]);
     }
     return all;
   });
   auto spread = each([&](Pixel x, Pixel y) {
+    if (frame.dial) return sums.guess(x, y).varianceOfMean();
     const Moments d = sums.difference(x, y);
     const dvec3 own = glm::max(d.varianceOfMean(), pooled / static_cast<double>(d.count()));
     return denoised.empty() ? own : own + sums.guess(x, y).varianceOfMean();
@@ -86,6 +99,42 @@ FeatureImage thinFeatures(const FeatureImage& all, std::uint32_t step, const Sou
   return out;
 }
 
+/// What every step-th pixel of every step-th row shows most, with the light of all samples of the
+/// pixels that it stands for that show the same.
+FeatureImage thickFeatures(const FrameBuffers& frame, std::uint32_t step) {
+  const FeatureImage& all = *frame.features;
+  FeatureImage out((all.width() + step - 1) / step, (all.height() + step - 1) / step);
+  tbb::parallel_for(0u, out.height(), [&](std::uint32_t row) {
+    for (std::uint32_t column = 0; column < out.width(); ++column) {
+      FeaturePart sum = all.most(column * step, row * step);
+      sum.mean.footprint *= static_cast<float>(step);
+      const vec3 albedo = guideAlbedo(sum.mean.albedo);
+      for (std::uint32_t i = 0; i < step * step; ++i) {
+        const std::uint32_t x = column * step + i % step, y = row * step + i / step;
+        if (x >= all.width() || y >= all.height() || !frame.tiles.sampled(x, y)) continue;
+        if (i > 0) sum.join(all.most(x, y), albedo);
+        sum.join(all.rest(x, y), albedo);
+      }
+      out.put(column, row, sum);
+    }
+  });
+  return out;
+}
+
+/// Adds what is remembered of the light of a lattice's pixels.
+void remember(const LightMemory& memory, FeatureImage& lattice, std::uint32_t step) {
+  tbb::parallel_for(0u, lattice.height(), [&](std::uint32_t y) {
+    for (std::uint32_t x = 0; x < lattice.width(); ++x) {
+      FeaturePart part = lattice.most(x, y);
+      if (lattice.rest(x, y).count > 0.0f) continue;
+      part.mean.footprint /= static_cast<float>(step);
+      if (!memory.join(part, Sampler(y * lattice.width() + x, 0, 0x6d656d6fu).next2D())) continue;
+      part.mean.footprint *= static_cast<float>(step);
+      lattice.put(x, y, part);
+    }
+  });
+}
+
 /// Parts the light of a frame, which is `parts`, into indirect and direct light.
 void takeDirectOut(const FrameBuffers& frame, std::vector<std::vector<vec3>>& parts) {
   using Pixel = std::uint32_t;
@@ -102,9 +151,8 @@ void takeDirectOut(const FrameBuffers& frame, std::vector<std::vector<vec3>>& pa
 
 /// The light of a whole frame by Open Image Denoise: by what pixels show, direct and indirect apart
 /// if `thorough`.
-std::vector<vec3> byOidn(const FrameBuffers& frame, bool thorough) {
+std::vector<vec3> byOidn(const FrameBuffers& frame, const FeatureImage& features, bool thorough) {
   using Pixel = std::uint32_t;
-  const FeatureImage& features = *frame.features;
   const std::uint32_t width = features.width(), height = features.height();
   const auto each = [&](const auto& value) { return collect(width, height, 1, value); };
   OidnGuides guides{width, height,
@@ -116,10 +164,21 @@ std::vector<vec3> byOidn(const FrameBuffers& frame, bool thorough) {
   return denoiseLight(*findOidn().library, std::move(guides), parts, thorough);
 }
 
+bool fewSamples(const FrameBuffers& frame) { return frame.tiles.samplesDone() < kSamplesThatTell; }
+
 }  // namespace
 
+std::vector<vec3> denoiseFrame(const FrameBuffers& frame, const FeatureImage& features,
+                               DenoiseMethod method) {
+  if (isOidn(method)) return byOidn(frame, features, method == DenoiseMethod::kOidnThorough);
+  GuessFilter filter(features, fewSamples(frame));
+  filter.advance([] { return true; });
+  return filter.result();
+}
+
 ShownPicture::ShownPicture(const FrameBuffers& frame, std::uint32_t width, std::uint32_t height,
-                           const ShownOptions& options) {
+                           const ShownOptions& options)
+    : keepGuess_(options.keepGuess) {
   gather(frame, width, height, options);
 }
 
@@ -145,27 +204,39 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
     return;
   }
   const FeatureImage& features = *frame.features;
-  picture_ = each([&](Pixel x, Pixel y) {
+  const bool few = fewSamples(frame);
+  const auto unfiltered = [&](Pixel x, Pixel y) {
     return glm::max(sums.guess(x, y).mean() - dvec3(features.light(x, y)), dvec3(0.0));
-  });
-  const bool few = frame.tiles.samplesDone() < kSamplesThatTell;
+  };
+  if (options.spread) {
+    picture_ = collect(width, height, 1, [&](Pixel x, Pixel y) {
+      return frame.tiles.sampled(x, y) ? unfiltered(x, y) : dvec3(features.light(x, y));
+    });
+    step_ = std::max(step, kLeastLattice);
+    thin_.emplace(thickFeatures(frame, step_));
+    if (frame.memory) remember(*frame.memory, *thin_, step_);
+    guess_.emplace(*thin_, frame.tiles.meanProgress() * step_ * step_ < kSamplesThatTell);
+    all_ = &features;
+  } else {
+    picture_ = each(unfiltered);
+  }
   if (!whole) {
-    guess_.emplace(thinFeatures(features, step, source), few);
+    if (thin_) return;
+    FeatureImage lattice = thinFeatures(features, step, source);
+    if (frame.memory) remember(*frame.memory, lattice, step);
+    guess_.emplace(lattice, few);
     return;
   }
   if (isOidn(options.method)) {
-    lit_ = byOidn(frame, options.method == DenoiseMethod::kOidnThorough);
-  } else {
+    lit_ = denoiseFrame(frame, features, options.method);
+  } else if (!thin_) {
     guess_.emplace(features, few);
   }
   if (!options.pairs) return;
-  for (Pixel y = 0; y < height; ++y) {
-    for (Pixel x = 0; x < width; ++x) {
-      const dvec3 d = sums.difference(x, y).mean();
-      missing_ += d.x + d.y + d.z;
-    }
+  addMissing(frame);
+  if (frame.dial ? frame.dial->meanPairs() < kPairsOfADial : sums.fewestPairs() < kPairsThatTell) {
+    return;
   }
-  if (sums.fewestPairs() < kPairsThatTell) return;
   for (Pixel y = 0; y < height; ++y) {
     for (Pixel x = 0; x < width; ++x) {
       const float share = features.scattering(x, y);
@@ -173,8 +244,44 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
     }
   }
   const bool tells = frame.tiles.samplesDone() >= kSamplesThatTellTheRest;
-  correction_.emplace(
-      correctionOf(sums, features, each, scattering_, tells ? lit_ : std::vector<vec3>()));
+  const std::vector<vec3> denoised = tells ? lit_ : std::vector<vec3>();
+  if (frame.dial) dialled_.emplace(frame, scattering_);
+  if (frame.dial && denoised.empty()) return;
+  correction_.emplace(correctionOf(frame, each, scattering_, denoised));
+}
+
+/// What the guess of all pixels lacks, and its variance.
+void ShownPicture::addMissing(const FrameBuffers& frame) {
+  const Accumulator& sums = frame.sums;
+  for (const Tile& tile : frame.tiles.tiles()) {
+    double sum = 0.0, squares = 0.0, pairs = 0.0;
+    for (std::uint32_t y = tile.y; y < tile.y + tile.height; ++y) {
+      for (std::uint32_t x = tile.x; x < tile.x + tile.width; ++x) {
+        const Moments d = sums.difference(x, y);
+        const dvec3 m = d.mean();
+        if (!frame.dial) {
+          missing_ += m.x + m.y + m.z;
+          continue;
+        }
+        const auto n = static_cast<double>(d.count());
+        const double one = m.x + m.y + m.z;
+        const dvec3 square = d.squares();
+        sum += one * n;
+        squares += 3.0 * (square.x + square.y + square.z);
+        pairs += n;
+      }
+    }
+    if (pairs == 0.0) continue;
+    const double pixels = double{1} * tile.width * tile.height;
+    missing_ += pixels * sum / pairs;
+    doubt_ += pixels * pixels * squares / (pairs * pairs);
+  }
+}
+
+/// A part of a pixel's correction.
+void ShownPicture::takeIn(std::size_t pixel, const vec3& part) {
+  lit_[pixel] += part;
+  missing_ -= static_cast<double>(part.x + part.y + part.z);
 }
 
 bool ShownPicture::advance(const std::function<bool()>& keepGoing) {
@@ -182,18 +289,31 @@ bool ShownPicture::advance(const std::function<bool()>& keepGoing) {
     if (!guess_->advance(keepGoing)) return false;
     lit_ = guess_->result();
     guess_.reset();
+    if (thin_) spread_.emplace(*thin_, lit_, *all_, step_);
+  }
+  if (spread_) {
+    if (!spread_->advance(keepGoing)) return false;
+    lit_ = spread_->result();
+    spread_.reset();
+    thin_.reset();
+  }
+  if (keepGuess_ && guessLight_.empty()) guessLight_ = lit_;
+  if (dialled_) {
+    if (!dialled_->advance(keepGoing)) return false;
+    std::vector<vec3> all = picture_;
+    for (std::size_t i = 0; i < all.size(); ++i) all[i] += lit_[i];
+    const std::vector<vec3> add = dialled_->take(all);
+    biasLeft_ = dialled_->errorLeft();
+    for (std::size_t i = 0; i < add.size(); ++i) takeIn(i, add[i]);
+    dialled_.reset();
   }
   if (correction_) {
     if (!correction_->advance(keepGoing)) return false;
     const auto add = correction_->result();
-    for (std::size_t i = 0; i < add.size(); ++i) {
-      const vec3 part = add[i] * scattering_[i];
-      lit_[i] += part;
-      missing_ -= static_cast<double>(part.x + part.y + part.z);
-    }
+    for (std::size_t i = 0; i < add.size(); ++i) takeIn(i, add[i] * scattering_[i]);
     correction_.reset();
   }
-  if (missing_ != 0.0) makeUp(lit_, missing_);
+  if (missing_ != 0.0) makeUp(lit_, missing_, doubt_);
   missing_ = 0.0;
   for (std::size_t i = 0; i < lit_.size(); ++i) picture_[i] += lit_[i];
   lit_.clear();

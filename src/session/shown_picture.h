@@ -7,7 +7,9 @@
 #include <vector>
 
 #include "src/frame/denoise.h"
+#include "src/frame/lattice_light.h"
 #include "src/session/denoiser.h"
+#include "src/session/dial_correction.h"
 #include "src/session/frame_buffers.h"
 
 namespace trex {
@@ -18,9 +20,20 @@ struct ShownOptions {
   /// Every so manieth pixel alone, each of which must have a sample; 1: all of them, and where one
   /// has none yet that of its lattice before it.
   std::uint32_t spacing = 1;
+  /// All of them all the same: the light of that lattice, of every second pixel at least, and of
+  /// what samples there are between, is filtered and spread by what each pixel shows. Those without
+  /// a sample must have a look. Better while samples are few, and pixels many.
+  bool spread = false;
+  bool keepGuess = false;  ///< guessLight() will be asked for
 };
 
-/// One picture under way, of the frame as it was when this was made. One thread at a time.
+/// The light of a whole frame, denoised: `features` are the frame's, or like them. Throws as
+/// ShownPicture does.
+std::vector<vec3> denoiseFrame(const FrameBuffers& frame, const FeatureImage& features,
+                               DenoiseMethod method);
+
+/// One picture under way, of the frame as it was when this was made; to be spread the frame
+/// must outlive it, and may get more samples, but not begin anew. One thread at a time.
 class ShownPicture {
  public:
   /// Open Image Denoise, which can't be interrupted, does its part here; Error(kMemoryOrDevice) if
@@ -29,18 +42,34 @@ class ShownPicture {
                const ShownOptions& options);
   /// Works until done or keepGoing() says no, asked about every millisecond. True once done.
   bool advance(const std::function<bool()>& keepGoing);
-  /// Once advance() is true: row by row, ceil(width / spacing) wide.
+  /// Once advance() is true: row by row, ceil(width / spacing) wide, or if spread the width.
   std::vector<vec3> take() { return std::move(picture_); }
+  /// Once advance() is true, of a frame with a dial: what DialCorrection::errorLeft() says;
+  /// negative if there are too few pairs to tell.
+  double biasLeft() const { return biasLeft_; }
+  /// The guess's denoised light, without correction.
+  const std::vector<vec3>& guessLight() const { return guessLight_; }
 
  private:
   void gather(const FrameBuffers& frame, std::uint32_t width, std::uint32_t height,
               const ShownOptions& options);
+  void addMissing(const FrameBuffers& frame);
+  void takeIn(std::size_t pixel, const vec3& part);
 
-  std::vector<vec3> picture_;      ///< until done, what is not filtered
-  std::vector<vec3> lit_;          ///< what is filtered
-  double missing_ = 0.0;           ///< sum of the differences to exact paths that lit_ is without
+  std::vector<vec3> picture_;  ///< until done, what is not filtered
+  std::vector<vec3> lit_;      ///< what is filtered
+  double missing_ = 0.0;       ///< sum of the differences to exact paths that lit_ is without
+  double doubt_ = 0.0;         ///< with a dial: its variance
+  double biasLeft_ = -1.0;
+  bool keepGuess_ = false;
+  std::vector<vec3> guessLight_;
   std::vector<float> scattering_;  ///< shares of the pixels that the correction is of
   std::optional<GuessFilter> guess_, correction_;
+  std::optional<FeatureImage> thin_;  ///< of the lattice whose light is spread
+  std::optional<LatticeLight> spread_;
+  const FeatureImage* all_ = nullptr;  ///< what spread_ is for
+  std::uint32_t step_ = 1;
+  std::optional<DialCorrection> dialled_;
 };
 
 }  // namespace trex

@@ -10,8 +10,9 @@
 namespace trex {
 namespace {
 
-constexpr double kMixedFrom = 0.6;       // samples a pixel
-constexpr double kRefreshGrowth = 1.25;  // of samples, before the whole frame is filtered again
+constexpr double kMixedFrom = 0.6;         // samples a pixel
+constexpr std::uint32_t kSpreadBelow = 4;  // samples, from which on a pixel's own tell enough
+constexpr double kRefreshGrowth = 1.25;    // of samples, before the whole frame is filtered again
 
 /// Value of every pixel of the frame's lattice, stretched over the picture.
 template <typename Value>
@@ -37,6 +38,7 @@ void Screen::restart(bool hold) {
   hold_ = hold;
   if (!hold) shown_ = false;
   spacing_ = 0;
+  spread_ = false;
   progress_ = exactProgress_ = 0.0;
   inspectedCells_ = 0;
 }
@@ -82,21 +84,26 @@ void Screen::start(const Session& session) {
   if (job_) return;
   const FrameBuffers& frame = session.shownFrame();
   const double progress = progressOf(frame);
-  std::uint32_t spacing = lattice::spacing(frame.tiles.coarseCells());
-  // Where most tiles have more than every second pixel, all that there is is shown.
-  if (spacing == 2 && progress >= kMixedFrom) spacing = 1;
-  if (spacing == 0 || (hold_ && spacing > 2)) return;
-  const bool finer = spacing_ == 0 || spacing < spacing_;
-  const bool more = spacing == 1 && progress > progress_ * kRefreshGrowth;
-  const bool last = spacing == 1 && progress != progress_ && session.resting();
-  const bool plain =
-      spacing == 1 && progress != progress_ && session.shownOptions().method == DenoiseMethod::kOff;
-  if (!finer && !more && !last && !plain) return;
   ShownOptions options = session.shownOptions();
+  std::uint32_t spacing = lattice::spacing(frame.tiles.coarseCells());
+  options.spread = options.method == DenoiseMethod::kFilter && frame.tiles.looked() &&
+                   frame.tiles.samplesDone() < kSpreadBelow && !session.resting();
+  // Where most tiles have more than every second pixel, all that there is is shown.
+  if (!options.spread && spacing == 2 && progress >= kMixedFrom) spacing = 1;
+  if (spacing == 0 || (hold_ && spacing > 2 && !options.spread)) return;
+  const std::uint32_t shown = options.spread ? 1 : spacing;
+  const bool finer = spacing_ == 0 || shown < spacing_ || spacing < lattice_;
+  const bool more = shown == 1 && progress > progress_ * kRefreshGrowth;
+  // What stays on the screen is what a capture would show.
+  const bool all = shown == 1 && (progress != progress_ || (spread_ && !options.spread)) &&
+                   (session.resting() || options.method == DenoiseMethod::kOff);
+  if (!finer && !more && !all) return;
   options.spacing = spacing;
   options.pairs &= !session.previewing();
   job_.emplace(frame, session.frame().width(), session.frame().height(), options);
-  jobSpacing_ = spacing;
+  jobSpacing_ = shown;
+  jobLattice_ = spacing;
+  jobSpread_ = options.spread;
   jobProgress_ = progress;
 }
 
@@ -111,6 +118,8 @@ bool Screen::beauty(const Session& session, const std::function<bool()>& keepGoi
       stretch(job_->take(), session.frame().width(), session.frame().height(), jobSpacing_, false);
   job_.reset();
   spacing_ = jobSpacing_;
+  lattice_ = jobLattice_;
+  spread_ = jobSpread_;
   progress_ = jobProgress_;
   shown_ = true;
   hold_ = false;
@@ -186,7 +195,7 @@ bool Screen::complete(const Session& session, const Session* exact, const ViewSt
   }
   const bool halves =
       exact == nullptr || !state.split || progressOf(exact->shownFrame()) == exactProgress_;
-  return halves && progress_ == progressOf(session.shownFrame());
+  return halves && progress_ == progressOf(session.shownFrame()) && !(spread_ && session.resting());
 }
 
 }  // namespace trex

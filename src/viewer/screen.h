@@ -45,6 +45,8 @@ class Screen {
   std::vector<vec3> linear_;  ///< beauty, or the values of another view
   std::optional<ShownPicture> job_;
   std::uint32_t jobSpacing_ = 0, spacing_ = 0;  ///< of the picture under way, and shown
+  std::uint32_t jobLattice_ = 0, lattice_ = 0;  ///< likewise of the pixels that its light is of
+  bool jobSpread_ = false, spread_ = false;     ///< and whether that is spread
   double jobProgress_ = 0.0, progress_ = 0.0, exactProgress_ = 0.0;
   bool hold_ = false, shown_ = false;
   std::uint32_t inspectedCells_ = 0;

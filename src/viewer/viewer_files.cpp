@@ -83,9 +83,13 @@ ViewerFigures Viewer::figures() const {
   }
   f.samplesPerPixel = frame.tiles.meanProgress();
   const double exact = m.options.settings.exact;
-  f.exactShare = m.session->lights().anyPower() && m.session->light().voxels() ? exact : 1.0;
-  f.noise = m.session->previewing() ? -1.0 : m.noiseEstimate.of(*m.session);
-  if (exact > 0.0) f.bias = 0.0;
+  const bool guesses = m.session->lights().anyPower() && m.session->light().voxels();
+  const Dial* dial = frame.dial.get();
+  f.exactShare = !guesses ? 1.0 : dial != nullptr ? dial->share() : exact;
+  f.noise = m.session->previewing() ? -1.0
+            : dial != nullptr       ? dial->noise()
+                                    : m.noiseEstimate.of(*m.session);
+  if (exact > 0.0) f.bias = dial != nullptr ? dial->bias() : 0.0;
   if (exact <= 0.0 && m.bias.count >= 64) {
     f.bias = std::max(0.0, m.bias.sum / static_cast<double>(m.bias.count));
   }
@@ -158,7 +162,7 @@ void Viewer::savePicture(const fs::path& path) {
                       {"trex:scene", m.input.string()},
                       {"trex:samples", std::to_string(m.session->samplesDone())},
                       {"trex:seed", std::to_string(m.options.settings.seed)},
-                      {"trex:exact", fmt::format("{}", m.options.settings.exact)},
+                      {"trex:exact", exactText(m.options.settings)},
                       {"trex:denoised", m.session->report().denoiser}};
   writePicture(path, picture, ToneMap{m.shownLook.exposure, m.state.toneOperator});
 }
@@ -228,10 +232,11 @@ std::string Viewer::headlessCommand(const std::string& editsPath, const std::str
     for (const char c : text) out += c == '\'' ? std::string("'\\''") : std::string(1, c);
     return out + "'";
   };
-  std::string command = fmt::format(
-      "trex render {} -o {} --size {}x{} --spp {} --exact {} --seed {} --edits {}",
-      quoted(m.input.string()), quoted(output), s.width, s.height,
-      std::max(m.session ? m.session->samplesDone() : 1u, 1u), s.exact, s.seed, quoted(editsPath));
+  std::string command =
+      fmt::format("trex render {} -o {} --size {}x{} --spp {} --exact {} --seed {} --edits {}",
+                  quoted(m.input.string()), quoted(output), s.width, s.height,
+                  std::max(m.session ? m.session->samplesDone() : 1u, 1u), exactText(s), s.seed,
+                  quoted(editsPath));
   const ImportOptions& i = m.options.import;
   if (i.unit != 1.0) command += fmt::format(" --unit {}", i.unit);
   if (i.zUp) command += " --up z";

@@ -2,8 +2,8 @@
 """Prints the picture-quality figures of the README: exact mode against references of another renderer,
 early quality, bias of the guess, consistency of the hybrid, what the filter does to the mean.
 
-    tests/bench/quality_bars.py [--trex build/trex] [--only early,first,filter,denoisers,bias,exact,consistent] [--scenes a,b]
-                                [--against OTHER_TREX] [--runs 5] [--seconds 40] [--out FOLDER]
+    tests/bench/quality_bars.py [--trex build/trex] [--only early,first,filter,denoisers,bias,exact,consistent,auto,error] [--scenes a,b]
+                                [--against OTHER_TREX] [--runs 5] [--seconds 40] [--error 0.01] [--out FOLDER]
                                 [-- further options of trex render]
 
 Needs the folder of shared scenes and references (TREX_SHARED, else ../shared) and its Python
@@ -144,6 +144,41 @@ def exact(run):
     return ("scene", "FLIP, exact converged", "mean ratio", "relMSE"), rows
 
 
+def auto(run):
+    """`--exact auto` against fixed shares, in turn, after --seconds."""
+    rows = []
+    for scene in run.options.scenes:
+        row = [scene]
+        for share in ("0", "0.25", "1", "auto"):
+            r = run.measure(scene, f"auto-{share}", ["--exact", share, "--time", run.options.seconds], run.options.runs)
+            row.append(f"{r['flip']:.3f} {r['relmse']:.4f} {r['mean_ratio']:.4f}")
+        rows.append(row)
+    return ("scene", *(f"FLIP, relMSE, mean ratio, exact {s}" for s in ("0", "0.25", "1", "auto"))), rows
+
+
+def reference_noise(run, scene):
+    """The part of relMSE that is the reference's own noise, the largest 0.1 % left out as in relmse."""
+    import numpy
+    refs = os.path.join(SHARED, "scenes/refs")
+    picture, variance = (run.quality.read(os.path.join(refs, scene + end)) for end in (".exr", ".var.exr"))
+    terms = numpy.sort((variance / (picture ** 2 + 0.01 * picture.mean() ** 2)).ravel())
+    return terms[:-max(1, int(len(terms) * 0.001))].mean()
+
+
+def error(run):
+    """What `--error` stops at against the true error, less the noise of the reference."""
+    rows = []
+    for scene in run.options.scenes:
+        picture, report = run.render(scene, "error", ["--exact", "auto", "--error", run.options.error, "--time", run.options.seconds])
+        true = run.score(scene, picture)["relmse"] - reference_noise(run, scene)
+        estimate = report["estimated_relmse"]
+        print(json.dumps({"scene": scene, "what": "error", "estimate": estimate, "true": true, "samples": report["samples"],
+                          "exact_share": report["exact_share"]}), flush=True)
+        rows.append((scene, f"{report['samples']}", f"{report['exact_share']:.3f}", f"{estimate or 0:.4f}", f"{true:.4f}",
+                     f"{true / estimate:.2f}" if estimate else "-"))
+    return ("scene", "samples", "exact", "estimated relMSE", "true", "ratio"), rows
+
+
 def mean_and_variance(path):
     """Mean of the picture by channel, and the variance of that mean, from its variance layer."""
     import mitsuba
@@ -184,6 +219,7 @@ def main():
     parser.add_argument("--scenes", default=",".join(SCENES))
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--seconds", default="40", help="of rendering, for what should have converged")
+    parser.add_argument("--error", default="0.01", help="relMSE that `error` asks for")
     parser.add_argument("--out", default=os.path.join(ROOT, "build/quality"))
     parser.add_argument("rest", nargs="*")
     options = parser.parse_args()
@@ -191,7 +227,7 @@ def main():
     run = Runner(options)
     for name in options.only.split(","):
         measures = {"early": early, "first": first, "filter": filtered, "denoisers": denoisers, "bias": bias, "exact": exact,
-                    "consistent": consistent}
+                    "consistent": consistent, "auto": auto, "error": error}
         header, rows = measures[name](run)
         print(f"\n| {' | '.join(header)} |\n|{'---|' * len(header)}")
         for row in rows:

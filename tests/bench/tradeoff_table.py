@@ -24,7 +24,8 @@ def table(header, rows):
 
 
 def name(run):
-    return f"exact {run['exact']:g}" if "exact" in run else run["name"]
+    share = run.get("exact")
+    return run["name"] if share is None else f"exact {share}" if isinstance(share, str) else f"exact {share:g}"
 
 
 def main():

@@ -8,6 +8,8 @@
     budget     share of turns within 1.2x of --budget-ms for 16, 33, 100
     open       ms to the first coarse frame of the baked Saturn V, and of an unbaked model
     idle       cores used while converged
+    window     FLIP of screenshots of a window of 1280x720 against one of 16 samples, so many seconds after a turn of the
+               camera (needs flip-evaluator and Pillow; not among those that run unless asked for)
 """
 import argparse
 import json
@@ -19,7 +21,9 @@ import sys
 import tempfile
 
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
+OTHERS = {"living-room": "interiors/living-room.glb", "sponza": "interiors/sponza.glb"}
 SCENES = {"cornell": "interiors/cornell.glb", "saturn-v": "cad/saturn-v.glb", "staircase2": "interiors/staircase2.glb"}
+WINDOW_SECONDS = (0.15, 0.5, 1, 2, 4)
 CLASSES = ("camera", "material", "light", "visibility")
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -34,7 +38,7 @@ TRANSIENT = tempfile.TemporaryDirectory(prefix="trex-viewer-bars-")
 
 
 def scene(name):
-    return os.path.join(SHARED, "scenes", SCENES[name])
+    return os.path.join(SHARED, "scenes", {**SCENES, **OTHERS}[name])
 
 
 def counts(path):
@@ -126,6 +130,22 @@ def idle(name):
     print(f"| {name} | {100 * report['steps'][1]['idle_core_share']:.1f} % |", flush=True)
 
 
+def window(name):
+    import flip_evaluator
+    import numpy
+    from PIL import Image
+
+    shot = lambda i: os.path.join(TRANSIENT.name, f"shot-{i}.png")
+    steps = [{"wait": "ready"}, {"exposure": 0.5, "seconds": 3}, {"camera": {"look": [0.12, 0.03]}}]
+    for i, seconds in enumerate(WINDOW_SECONDS):
+        before = WINDOW_SECONDS[i - 1] if i > 0 else 0
+        steps.append({"seconds": seconds - before, "screenshot": shot(i)})
+    report = replay(scene(name), steps + [{"samples": 16, "screenshot": shot("last")}], size="1280x720")
+    picture = lambda i: numpy.asarray(Image.open(shot(i)).convert("RGB"), dtype=numpy.float32) / 255
+    errors = [flip_evaluator.evaluate(picture("last"), picture(i), "LDR")[1] for i in range(len(WINDOW_SECONDS))]
+    print(f"| {name} | {report['steps'][2]['first_coarse_ms']:.0f} | {' | '.join(f'{e:.3f}' for e in errors)} |", flush=True)
+
+
 def table(title, columns, names, row):
     print(f"\n{title}\n\n| {' | '.join(columns)} |\n|{'---|' * len(columns)}", flush=True)
     return [row(name) for name in names]
@@ -154,6 +174,9 @@ def main():
         if "open" in only:
             table("Opening, ms (bars: 1000 baked, 3000 source)", ("scene", "from", "first coarse", "ready"),
                   [name for name in names if name != "cornell"], opening)
+        if "window" in only:
+            table("FLIP after a turn of the camera (bars: 0.15 after 1 s, 0.08 after 4 s)",
+                  ("scene", "coarse, ms", *(f"{s} s" for s in WINDOW_SECONDS)), names, window)
         if "idle" in only:
             table("Idle (bar: 5 % of a core)", ("scene", "cores"), names, idle)
     finally:

@@ -184,7 +184,8 @@ TEST(ClearGlass, LensesRoughGlassAndSingleFacesAreNoPanes) {
 }
 
 /// What blocks a straight line is not asked of each ray by walking; the answers are the walk's, in
-/// merged and in placed meshes.
+/// merged and in placed meshes. Ways that glass bends are ways through it: past its edge, where a
+/// straight line meets it, no light is found.
 TEST(ClearGlass, ConnectionsAreThoseOfTheWalk) {
   for (const int copies : {1, 2}) {
     Scene scene = floorAt(0.0f);
@@ -204,7 +205,7 @@ TEST(ClearGlass, ConnectionsAreThoseOfTheWalk) {
     ASSERT_EQ(rays.statistics().instances, copies == 1 ? 0u : 2u);
     const ClearLayers layers(scene, rays);
     Sampler sampler(0, 0, 5);
-    int blocked = 0, bent = 0, clear = 0;
+    int blocked = 0, bent = 0, through = 0, clear = 0;
     for (int i = 0; i < 20000; ++i) {
       const auto place = [&](double low, double high) {
         const vec2 u = sampler.next2D();
@@ -218,14 +219,23 @@ TEST(ClearGlass, ConnectionsAreThoseOfTheWalk) {
       const RayEnd end(static_cast<float>(glm::length(to - from)), to);
       const ClearWalk walk = layers.walk(from, direction, end);
       const LightConnection way = layers.connect(from, direction, end);
-      bent += walk.path.begun();
-      if (walk.path.begun()) continue;
+      if (walk.path.begun()) {
+        ++bent;
+        if (!way.reaches()) continue;
+        ++through;
+        EXPECT_TRUE(way.refracted);
+        const ClearWalk taken = layers.walk(from, way.direction, end);
+        EXPECT_TRUE(taken.path.begun() && !taken.blocked);
+        EXPECT_EQ(way.passed, taken.passed);
+        continue;
+      }
       EXPECT_EQ(way.reaches(), !walk.blocked);
       EXPECT_FALSE(way.refracted);
       EXPECT_EQ(way.passed, walk.blocked ? vec3(0.0f) : walk.passed);
       (walk.blocked ? blocked : clear) += 1;
     }
     EXPECT_GT(std::min({blocked, bent, clear}), 1000);
+    EXPECT_GT(through, 300);
   }
 }
 

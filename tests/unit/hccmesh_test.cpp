@@ -198,6 +198,28 @@ TEST(HccMesh, TinyMeshes) {
     EXPECT_NO_THROW(Mesh::fromBytes({m->bytes().begin(), m->bytes().end()}));
 }
 
+/// Their corners come from another place then.
+TEST(HccMesh, AnExpandedMeshHasTheSameTriangles) {
+  const Soup soup = withSecondSet(randomSoup(900, 3.0f, 5), 2.0f);
+  const Mesh mesh = build(soup);
+  Mesh expanded = build(soup);
+  expanded.expand();
+  std::uint64_t count = 0;
+  for (std::uint32_t c = 0; c < mesh.clusterCount(); ++c)
+    forEachTriangle(mesh, c, [&](std::uint32_t i) {
+      const Triangle a = mesh.triangle(c, i), b = expanded.triangle(c, i);
+      for (int k = 0; k < 3; ++k) {
+        EXPECT_EQ(a.position[k], b.position[k]);
+        EXPECT_EQ(a.normal[k], b.normal[k]);
+        EXPECT_EQ(a.texCoord[k], b.texCoord[k]);
+        EXPECT_EQ(a.secondTexCoord[k], b.secondTexCoord[k]);
+        EXPECT_EQ(a.color[k], b.color[k]);
+      }
+      ++count;
+    });
+  EXPECT_EQ(count, mesh.triangleCount());
+}
+
 TEST(HccMesh, AllInOnePlaneAndManyInOnePlace) {
   Soup plane = sheet(40);
   for (glm::vec3& p : plane.positions) p.z = 7.0f;

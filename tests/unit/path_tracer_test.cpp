@@ -56,6 +56,49 @@ Scene roomOfEverything() {
   return scene;
 }
 
+/// A look knows what a sample knows of its surface, and of light what is seen of emitters alone.
+TEST(PathTracer, LooksShowWhatSamplesShow) {
+  Scene scene = roomOfEverything();
+  scene.materials.push_back(test::lambert(0.0f, 2.0f));
+  scene.materials.push_back(test::lambert(0.5f));
+  scene.materials.back().metallic = 1.0f, scene.materials.back().roughness = 0.0f;
+  test::place(scene, test::sphere(vec3(0.3f, 0.4f, 0.3f), 0.15f, 3, 16));
+  test::place(scene, test::sphere(vec3(0.6f, -0.3f, 0.3f), 0.15f, 4, 16));
+  const RayScene rays(scene);
+  const LightSet lights(scene, rays);
+  const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
+  const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, 3);
+  std::vector<PathJob> looks, samples;
+  for (std::uint32_t i = 0; i < kSide * kSide; ++i) {
+    looks.push_back({.x = i % kSide, .y = i / kSide, .sample = 0, .look = true});
+    samples.push_back({.x = i % kSide, .y = i / kSide, .sample = 0});
+  }
+  const auto trace = [&](const std::vector<PathJob>& jobs, RayCounts& sum) {
+    std::vector<PathSample> out(jobs.size());
+    std::vector<RayCounts> counts(jobs.size());
+    std::vector<ConeRequest> cones;
+    tracer.trace(jobs, kSide, 0, out, counts, cones);
+    for (const RayCounts& c : counts) sum.add(c);
+    return out;
+  };
+  RayCounts ofLooks, ofSamples;
+  const auto seen = trace(looks, ofLooks), taken = trace(samples, ofSamples);
+  EXPECT_EQ(ofLooks.shadowRays, 0u);
+  EXPECT_LT(2 * ofLooks.cRays, ofSamples.cRays);
+  int bright = 0, same = 0;
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    const Feature &a = seen[i].feature, &b = taken[i].feature;
+    // The random numbers of glass and layers are other ones where light was sampled before.
+    same += a.albedo == b.albedo && a.normal == b.normal && a.position == b.position &&
+            a.footprint == b.footprint && a.black == b.black;
+    if (taken[i].own == vec3(0.0f)) continue;
+    ++bright;
+    EXPECT_EQ(seen[i].common, taken[i].own);
+  }
+  EXPECT_GT(bright, 4);
+  EXPECT_GT(same, static_cast<int>(seen.size() * 9 / 10));
+}
+
 /// What a sample is does not depend on what is traced along with it: alone, in waves that are not
 /// full, in another order.
 TEST(PathTracer, SamplesAreTheSameInAnyWave) {

@@ -72,6 +72,14 @@ TEST(Plan, TheViewersTilesWaitWhereTheLightChanges) {
   EXPECT_EQ(plan(s), (Work{.kind = Kind::kSamples, .barrier = 100}));
 }
 
+TEST(Plan, TilesWaitWhereTheDialLooks) {
+  SessionState s = viewer(State::kReady);
+  s.samples = 5;
+  s.photons = photonTarget(5, kPixels);
+  s.nextLook = 6;
+  EXPECT_EQ(plan(s), (Work{.kind = Kind::kSamples, .barrier = 6}));
+}
+
 TEST(Plan, ACoarsePreviewComesBeforeTheLight) {
   for (const State light : {State::kAwaited, State::kValues, State::kDevice, State::kPhotons}) {
     SessionState s = viewer(light);

@@ -121,6 +121,27 @@ TEST(RayEnds, MarkingAMillimetreAboveGround) {
     }
 }
 
+/// A ray by the common edge of two huge triangles may be given to the wrong one, but meets it where
+/// their plane is: or, by the order of visits, something close above or below would be hidden.
+TEST(RayEnds, AHugeFloorIsMetAtItsPlane) {
+  Scene scene;
+  scene.materials = {test::lambert(kAlbedo)};
+  test::place(scene, rectangle(5e5f, 5e5f, 0.0f, 0, true));
+  const RayScene rays(scene);
+  Sampler sampler(0, 0, 1);
+  for (int i = 0; i < 20000; ++i) {
+    const vec2 u = sampler.next2D();
+    const double along = 100.0 * (static_cast<double>(u.x) - 0.5),
+                 off = 0.05 * (static_cast<double>(u.y) - 0.5);
+    const dvec3 eye(1.5, 3.0, 0.1), seen(along + off, 0.0, off - along);  // near the diagonal
+    const vec3 direction(glm::normalize(seen - eye));
+    RayHit hit;
+    ASSERT_TRUE(
+        rays.intersect(RayStart(eye - rays.renderOrigin()), direction, 0.0f, kInfinity, hit));
+    EXPECT_NEAR(static_cast<double>(hit.t) * -static_cast<double>(direction.y) / 3.0, 1.0, 1e-6);
+  }
+}
+
 /// The same by instances of all sizes, mirrored ones too.
 TEST(RayEnds, LampOverAnInstanceOfAFloor) {
   const float right = kAlbedo * squareAbove(2.0f);

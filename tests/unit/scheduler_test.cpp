@@ -127,5 +127,42 @@ TEST(TileScheduler, ACoarseFrameOfAllTilesComesBeforeAnythingElse) {
   EXPECT_EQ(s.spacingAt(0, 0), 0u);
 }
 
+/// Of a frame that asks for it every pixel is known after four cells: by a sample, or by one look.
+TEST(TileScheduler, LooksAtWhatTheCoarseFrameLeavesOut) {
+  constexpr std::uint32_t kWide = 200, kHigh = 136;
+  TileScheduler s = make(TileScheduler::Order::kPerception, kWide, kHigh);
+  s.setLooks(true);
+  for (int again = 0; again < 2; ++again) {
+    s.restart();
+    s.beginFrame(vec2(0.5f), 512);
+    std::vector<int> known(std::size_t{kWide} * kHigh);
+    bool samples = true;
+    for (std::size_t units = 0; !s.looked(); ++units) {
+      ASSERT_LT(units, 3 * s.tiles().size()) << "one, four, looks";
+      const auto unit = s.next();
+      ASSERT_TRUE(unit.has_value());
+      EXPECT_TRUE(samples || unit->look) << "looks come all together";
+      samples = !unit->look;
+      const Tile& t = s.tiles()[unit->tile];
+      for (std::uint32_t y = t.y; y < t.y + t.height; ++y) {
+        for (std::uint32_t x = t.x; x < t.x + t.width; ++x) {
+          const std::uint32_t cell = lattice::cellAt(x, y);
+          if (cell < unit->firstCell || cell >= unit->endCell) continue;
+          ++known[std::size_t{y} * kWide + x];
+          EXPECT_EQ(s.sampled(x, y), !unit->look);
+        }
+      }
+    }
+    EXPECT_EQ(s.coarseCells(), 4u);
+    for (const int times : known) ASSERT_EQ(times, 1);
+    const auto next = s.next();
+    EXPECT_TRUE(next && !next->look && next->firstCell == 4);
+    while (s.samplesDone() < 2) {
+      const auto unit = s.next();
+      ASSERT_TRUE(unit && !unit->look);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace trex

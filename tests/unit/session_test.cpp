@@ -7,6 +7,7 @@
 #include <fstream>
 
 #include "src/core/error.h"
+#include "src/frame/lattice.h"
 #include "src/session/checkpoint.h"
 #include "tests/unit/glass_scenes.h"
 
@@ -346,7 +347,7 @@ TEST(Layers, NothingIsMinusOne) {
 TEST(Layers, NamesAreChecked) {
   EXPECT_THROW(layersFromNames({"depht"}), Error);
   EXPECT_EQ(layersFromNames({"depth", "variance"}).channels(), 4u);
-  EXPECT_EQ(kAll.channels(), 23u);
+  EXPECT_EQ(kAll.channels(), 24u);
 }
 
 TEST(Session, StopsAtTheErrorAskedFor) {
@@ -422,6 +423,47 @@ double meanOf(std::shared_ptr<const Model> model, const RenderSettings& s) {
   for (std::size_t i = 0; i < picture.values.size(); i += picture.channels.size())
     sum += picture.values[i];
   return sum / (picture.width * picture.height);
+}
+
+/// With a tenth of a sample a pixel the viewer's picture has the edges of the whole one.
+TEST(Session, CoarseFramesAreSharp) {
+  RenderSettings s = settings(0.0, 32);
+  s.width = 192;
+  s.height = 144;
+  const auto whole = session(s);
+  whole->run();
+  const Picture right = whole->picture();
+  s.interactive = true;
+  const auto coarse = session(s, {});
+  while (coarse->previewing() || !coarse->shownFrame().tiles.looked()) {
+    int turns = 0;  // photons want a few
+    ASSERT_TRUE(coarse->step([&] { return coarse->previewing() && ++turns < 50; }, vec2(0.5f)));
+  }
+  const FrameBuffers& frame = coarse->shownFrame();
+  ASSERT_LT(frame.tiles.meanProgress(), 0.25);
+  const std::uint32_t spacing = lattice::spacing(frame.tiles.coarseCells());
+  ASSERT_GT(spacing, 1u);
+  const auto error = [&](bool spread) {
+    ShownOptions options = coarse->shownOptions();
+    options.spacing = spacing;
+    options.spread = spread;
+    ShownPicture picture(frame, s.width, s.height, options);
+    while (!picture.advance([] { return false; })) continue;
+    const std::vector<vec3> shown = picture.take();
+    const std::uint32_t step = spread ? 1 : spacing, columns = (s.width + step - 1) / step;
+    double sum = 0.0;
+    for (std::uint32_t y = 0; y < s.height; ++y) {
+      for (std::uint32_t x = 0; x < s.width; ++x) {
+        const double is = shown[std::size_t{y / step} * columns + x / step].y;
+        const double wanted = value(right, "G", x, y);
+        sum += std::abs(is - wanted) / (wanted + 0.1);
+      }
+    }
+    return sum / (s.width * s.height);
+  };
+  const double sharp = error(true), blocks = error(false);
+  EXPECT_LT(sharp, 0.85 * blocks) << sharp << ' ' << blocks;
+  EXPECT_LT(sharp, 0.1);
 }
 
 TEST(Session, SunShinesThroughWindowsInEveryMode) {

@@ -102,6 +102,16 @@ class ViewerTest : public testing::Test {
   std::vector<float> before_;
 };
 
+TEST_F(ViewerTest, WithADialItShowsACapturesPixels) {
+  ViewerOptions o = options(kFirstShare);
+  o.settings.dial = true;
+  o.settings.samples = 10;  // past four looks
+  Viewer viewer(o);
+  expectCaptureEqual(viewer, o, "with a dial");
+  EXPECT_GT(viewer.figures().exactShare, 0.0);
+  EXPECT_GT(viewer.figures().truthDistance, 0.0);
+}
+
 TEST_F(ViewerTest, ScreenEqualsCaptureForEveryClassOfEdit) {
   const ViewerOptions o = options();
   Viewer viewer(o);

@@ -33,10 +33,7 @@ void addOptions(CLI::App& c, Texts& t, ViewArguments& a) {
   c.add_option("--scale", a.scale, "Window pixels a pixel of the picture: 1, 2 or 4")
       ->check(CLI::IsMember({1, 2, 4}))
       ->capture_default_str();
-  c.add_option("--exact", s.exact,
-               "Share of samples traced exactly: 0 fast and biased, 1 a path tracer")
-      ->check(CLI::Range(0.0, 1.0))
-      ->capture_default_str();
+  addExact(c, s);
   c.add_option("--spp", t.samples, "Samples a pixel at which refining ends")
       ->check(CLI::Range(1u, 1u << 20))
       ->capture_default_str();
@@ -68,7 +65,6 @@ void addOptions(CLI::App& c, Texts& t, ViewArguments& a) {
 
 void read(const Texts& t, ViewArguments& a) {
   RenderSettings& s = a.viewer.settings;
-  if (std::isnan(s.exact)) fail(ExitCode::kUsage, "--exact nan: want 0 to 1");
   if (std::isnan(t.budgetMs)) fail(ExitCode::kUsage, "--budget-ms nan: want 5 to 1000");
   if (!t.report.empty() && t.replay.empty()) {
     fail(ExitCode::kUsage, "--report: needs --replay SCRIPT to report on");

@@ -1,0 +1,252 @@
+#include "src/session/dial_correction.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace trex {
+namespace {
+
+constexpr std::uint32_t kCell = 32;  // pixels that share a weight, before weights are smoothed
+constexpr float kFaint = 0.01f;      // of squares in relMSE
+constexpr double kSurely = 2.0;      // standard errors that count as noise
+constexpr std::uint64_t kPairsEnough = 2;
+
+double dotOf(const vec3& a, const vec3& b) { return static_cast<double>(glm::dot(a, b)); }
+
+/// The half whose filter has not seen a pixel.
+std::size_t unseenBy(std::uint32_t x, std::uint32_t y) { return 1u - ((x + y) & 1u); }
+
+/// Mean square of all differences: what the noise of one counts as at least. A rare bright path
+/// makes both mean and variance of its pixel large; a pixel that has met none knows too little.
+dvec3 pooledSquare(const Accumulator& sums) {
+  dvec3 squares(0.0);
+  double count = 0.0;
+  for (std::uint32_t y = 0; y < sums.height(); ++y) {
+    for (std::uint32_t x = 0; x < sums.width(); ++x) {
+      const Moments d = sums.difference(x, y);
+      squares += d.squares();
+      count += static_cast<double>(d.count());
+    }
+  }
+  return squares / std::max(count, 1.0);
+}
+
+}  // namespace
+
+std::vector<vec3> relativeWeights(const std::vector<vec3>& picture) {
+  double sum = 0.0;
+  for (const vec3& v : picture) sum += static_cast<double>(v.x + v.y + v.z);
+  const auto mean = static_cast<float>(sum / (3.0 * static_cast<double>(picture.size())));
+  std::vector<vec3> out(picture.size());
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    out[i] = 1.0f / (picture[i] * picture[i] + kFaint * mean * mean + 1e-30f);
+  }
+  return out;
+}
+
+/// Sums of a cell, and the weight that follows.
+struct DialCorrection::Weights {
+  struct Cell {
+    double shared = 0.0, doubt = 0.0, square = 0.0;
+    void add(const Cell& o) {
+      shared += o.shared;
+      doubt += o.doubt;
+      square += o.square;
+    }
+    /// Of both halves together, whose noise is half of one's.
+    double weight() const {
+      const double sure = shared - kSurely * std::sqrt(doubt);
+      if (!(sure > 0.0) || !(square > 0.0)) return 0.0;
+      const double one = std::min(sure / square, 1.0);
+      return 2.0 * one / (1.0 + one);
+    }
+  };
+  std::uint32_t columns, rows;
+  std::vector<Cell> cells;
+  std::vector<float> smooth;
+
+  Weights(std::uint32_t width, std::uint32_t height)
+      : columns((width + kCell - 1) / kCell),
+        rows((height + kCell - 1) / kCell),
+        cells(std::size_t{columns} * rows) {}
+  Cell& of(std::uint32_t x, std::uint32_t y) {
+    return cells[std::size_t{y / kCell} * columns + x / kCell];
+  }
+  /// Each cell together with its neighbours.
+  void settle() {
+    smooth.resize(cells.size());
+    for (std::uint32_t y = 0; y < rows; ++y) {
+      for (std::uint32_t x = 0; x < columns; ++x) {
+        Cell sum;
+        for (std::uint32_t v = y > 0 ? y - 1 : 0; v <= std::min(y + 1, rows - 1); ++v) {
+          for (std::uint32_t u = x > 0 ? x - 1 : 0; u <= std::min(x + 1, columns - 1); ++u) {
+            sum.add(cells[std::size_t{v} * columns + u]);
+          }
+        }
+        smooth[std::size_t{y} * columns + x] = static_cast<float>(sum.weight());
+      }
+    }
+  }
+  /// Between the centres of cells.
+  float at(std::uint32_t x, std::uint32_t y) const {
+    const auto place = [](std::uint32_t pixel, std::uint32_t count) {
+      const float p = (static_cast<float>(pixel) + 0.5f) / static_cast<float>(kCell) - 0.5f;
+      return std::clamp(p, 0.0f, static_cast<float>(count - 1));
+    };
+    const float px = place(x, columns), py = place(y, rows);
+    const auto x0 = static_cast<std::uint32_t>(px), y0 = static_cast<std::uint32_t>(py);
+    const std::uint32_t x1 = std::min(x0 + 1, columns - 1), y1 = std::min(y0 + 1, rows - 1);
+    const auto cell = [&](std::uint32_t u, std::uint32_t v) {
+      return smooth[std::size_t{v} * columns + u];
+    };
+    const float fx = px - static_cast<float>(x0), fy = py - static_cast<float>(y0);
+    return glm::mix(glm::mix(cell(x0, y0), cell(x1, y0), fx),
+                    glm::mix(cell(x0, y1), cell(x1, y1), fx), fy);
+  }
+};
+
+DialCorrection::DialCorrection(const FrameBuffers& frame, const std::vector<float>& scattering)
+    : width_(frame.sums.width()), height_(frame.sums.height()), scattering_(scattering) {
+  gather(frame);
+  for (std::uint32_t half = 0; half < 2; ++half) filters_.push_back(filterOf(frame, half));
+}
+
+/// Mean differences, and their variances. In a tile where pixels lack pairs sums are divided by how
+/// many a pixel has there on average: unbiased, however few they are.
+void DialCorrection::gather(const FrameBuffers& frame) {
+  const Accumulator& sums = frame.sums;
+  raw_.resize(std::size_t{width_} * height_);
+  variance_.resize(raw_.size());
+  const dvec3 pooled = pooledSquare(sums);
+  for (const Tile& area : frame.tiles.tiles()) {
+    std::uint64_t all = 0, fewest = ~std::uint64_t{0};
+    const auto each = [&](const auto& visit) {
+      for (std::uint32_t y = area.y; y < area.y + area.height; ++y) {
+        for (std::uint32_t x = area.x; x < area.x + area.width; ++x) visit(x, y);
+      }
+    };
+    each([&](std::uint32_t x, std::uint32_t y) {
+      all += sums.pairs(x, y);
+      fewest = std::min(fewest, sums.pairs(x, y));
+    });
+    if (all == 0) continue;
+    const bool few = fewest < kPairsEnough;
+    const double mean = static_cast<double>(all) / (double{1} * area.width * area.height);
+    each([&](std::uint32_t x, std::uint32_t y) {
+      const Moments d = sums.difference(x, y);
+      const double n = static_cast<double>(d.count()), count = few ? mean : n;
+      const dvec3 one = few ? pooled : glm::max(d.varianceOfMean() * n, pooled);
+      const std::size_t i = std::size_t{y} * width_ + x;
+      raw_[i] = vec3(d.mean() * (n / count));
+      variance_[i] = vec3(one / count);
+    });
+  }
+}
+
+/// The filter of the pixels of one half; the others are the mean of those around them.
+GuessFilter DialCorrection::filterOf(const FrameBuffers& frame, std::uint32_t half) const {
+  std::vector<vec3> difference = raw_, spread = variance_;
+  for (std::uint32_t y = 0; y < height_; ++y) {
+    for (std::uint32_t x = 0; x < width_; ++x) {
+      const std::size_t i = std::size_t{y} * width_ + x;
+      if (((x + y) & 1u) != half) {
+        vec3 sum(0.0f), noise(0.0f);
+        float count = 0.0f;
+        const auto take = [&](bool there, std::size_t other) {
+          if (!there) return;
+          sum += raw_[other];
+          noise += variance_[other];
+          count += 1.0f;
+        };
+        take(x > 0, i - 1);
+        take(x + 1 < width_, i + 1);
+        take(y > 0, i - width_);
+        take(y + 1 < height_, i + width_);
+        difference[i] = count > 0.0f ? sum / count : vec3(0.0f);
+        // As noisy as one of them: what it shares with them no mean takes away.
+        spread[i] = count > 0.0f ? noise / count : variance_[i];
+      }
+      difference[i] /= scattering_[i];
+      spread[i] /= scattering_[i] * scattering_[i];
+    }
+  }
+  return {*frame.features, difference, spread, true};
+}
+
+bool DialCorrection::advance(const std::function<bool()>& keepGoing) {
+  for (int h = 0; h < 2; ++h) {
+    if (!filtered_[h].empty()) continue;
+    if (!filters_[static_cast<std::size_t>(h)].advance(keepGoing)) return false;
+    filtered_[h] = filters_[static_cast<std::size_t>(h)].result();
+    for (std::size_t i = 0; i < filtered_[h].size(); ++i) filtered_[h][i] *= scattering_[i];
+  }
+  return true;
+}
+
+DialCorrection::Weights DialCorrection::measure(const std::vector<vec3>& weigh) const {
+  Weights weights(width_, height_);
+  for (std::uint32_t y = 0; y < height_; ++y) {
+    for (std::uint32_t x = 0; x < width_; ++x) {
+      const std::size_t i = std::size_t{y} * width_ + x;
+      const vec3 w = weigh[i], unseen = w * filtered_[unseenBy(x, y)][i];
+      weights.of(x, y).add({dotOf(unseen, raw_[i]), dotOf(unseen * unseen, variance_[i]),
+                            dotOf(unseen, filtered_[unseenBy(x, y)][i])});
+    }
+  }
+  weights.settle();
+  return weights;
+}
+
+/// Sum of the squares of the guess's bias, even in blocks of some size: of the products of
+/// different pixels.
+BiasFigures DialCorrection::biasOf(const std::vector<vec3>& weigh, std::uint32_t size) const {
+  double bias = 0.0, doubt = 0.0;
+  for (std::uint32_t top = 0; top < height_; top += size) {
+    for (std::uint32_t left = 0; left < width_; left += size) {
+      vec3 sum(0.0f), own(0.0f), noise(0.0f), w(0.0f);
+      float count = 0.0f;
+      for (std::uint32_t y = top; y < std::min(top + size, height_); ++y) {
+        for (std::uint32_t x = left; x < std::min(left + size, width_); ++x) {
+          const std::size_t i = std::size_t{y} * width_ + x;
+          sum += raw_[i];
+          own += raw_[i] * raw_[i];
+          noise += variance_[i];
+          w += weigh[i];
+          count += 1.0f;
+        }
+      }
+      if (count < 2.0f) continue;
+      const vec3 scale = w / (count * (count - 1.0f));  // of the mean weight, for all pixels
+      bias += dotOf(scale, sum * sum - own);
+      doubt += 2.0 * dotOf(scale * noise, scale * noise);
+    }
+  }
+  return {bias, std::sqrt(doubt)};
+}
+
+std::vector<vec3> DialCorrection::take(const std::vector<vec3>& picture) {
+  const std::vector<vec3> weigh = relativeWeights(picture);
+  const Weights weights = measure(weigh);
+  std::vector<vec3> out(picture.size());
+  double captured = 0.0;
+  for (std::uint32_t y = 0; y < height_; ++y) {
+    for (std::uint32_t x = 0; x < width_; ++x) {
+      const std::size_t i = std::size_t{y} * width_ + x;
+      const float part = weights.at(x, y);
+      out[i] = 0.5f * part * (filtered_[0][i] + filtered_[1][i]);
+      // |b|^2 - |b - c|^2 of the bias b and the correction c.
+      captured += 2.0 * static_cast<double>(part) *
+                      dotOf(weigh[i] * filtered_[unseenBy(x, y)][i], raw_[i]) -
+                  dotOf(weigh[i] * out[i], out[i]);
+    }
+  }
+  // As much of it as stands out of its standard error.
+  const BiasFigures coarse = biasOf(weigh, kBlockSides[0]), fine = biasOf(weigh, kBlockSides[1]);
+  const double rest = std::max(coarse.square - captured, 0.0);
+  const double detail = std::max(fine.square - coarse.square - fine.doubt, 0.0);
+  errorLeft_ = rest > 0.0 ? rest * rest / (rest + coarse.doubt) + detail : detail;
+  errorLeft_ /= 3.0 * static_cast<double>(picture.size());
+  return out;
+}
+
+}  // namespace trex

@@ -1,0 +1,51 @@
+// What exact paths add to the picture of a guess, with `--exact auto`: denoised, and as much of it
+// as is true.
+//
+// The pixels are parted in two halves like the fields of a chessboard, and the differences of each
+// half are filtered. What a filtered half shares with the pixels of the other is bias; what it does
+// not share is noise, of paths or of the filter's making. So the sum of their products over a
+// region, divided by the sum of the filtered half's squares, is the share of it that lowers the
+// error most: a James-Stein combiner [Gu, Iglesias-Guitian, Moon, SIGGRAPH Asia 2022] whose weight
+// is measured on pixels that the filter has not seen [Batson, Royer 2019]. What is left of the bias
+// is known likewise. (Halves of a pixel's samples would not do: they are stratified, so what one
+// has too much the other has too little.)
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "src/frame/denoise.h"
+#include "src/session/frame_buffers.h"
+
+namespace trex {
+
+/// What the square of an error at each value of a picture weighs in relMSE.
+std::vector<vec3> relativeWeights(const std::vector<vec3>& picture);
+
+/// One correction under way, of the frame as it was when this was made. One thread at a time.
+class DialCorrection {
+ public:
+  /// `frame` has a dial; `scattering`: FeatureImage::scattering() of each pixel, 1 where that is 0.
+  DialCorrection(const FrameBuffers& frame, const std::vector<float>& scattering);
+  /// Works until done or keepGoing() says no; true once done.
+  bool advance(const std::function<bool()>& keepGoing);
+  /// Once done: the correction of a picture, which decides what an error weighs.
+  std::vector<vec3> take(const std::vector<vec3>& picture);
+  /// Estimated relMSE that the picture still has with the correction, noise of the guess aside.
+  double errorLeft() const { return errorLeft_; }
+
+ private:
+  struct Weights;
+  void gather(const FrameBuffers& frame);
+  GuessFilter filterOf(const FrameBuffers& frame, std::uint32_t half) const;
+  Weights measure(const std::vector<vec3>& weigh) const;
+  BiasFigures biasOf(const std::vector<vec3>& weigh, std::uint32_t size) const;
+
+  std::uint32_t width_, height_;
+  std::vector<float> scattering_;
+  std::vector<vec3> raw_, variance_, filtered_[2];
+  std::vector<GuessFilter> filters_;
+  double errorLeft_ = 0.0;
+};
+
+}  // namespace trex

@@ -1,0 +1,441 @@
+// The dial that sets itself: its rule, what it measures, that it leaves the mean alone, its
+// correction, and that pictures keep their bits.
+#include "src/session/dial.h"
+
+#include <gtest/gtest.h>
+#include <tbb/global_control.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <random>
+
+#include "src/session/checkpoint.h"
+#include "src/session/dial_correction.h"
+#include "src/session/picture_error.h"
+#include "src/session/session.h"
+#include "tests/unit/scenes.h"
+
+namespace trex {
+namespace {
+
+// ---- the rule ----
+
+ShareFigures figures(double bias, double guessVariance = 1.0, double pairVariance = 4.0,
+                     double pairCost = 2.0) {
+  return {.pixels = 4096.0,
+          .pairs = 1.0,
+          .guessCost = 2.0,
+          .pairCost = pairCost,
+          .guessVariance = guessVariance,
+          .pairVariance = pairVariance,
+          .bias = {{bias, 0.0}, {}}};
+}
+
+TEST(ShareRule, ErrorHasItsLimits) {
+  const ShareFigures f = figures(0.01);
+  EXPECT_DOUBLE_EQ(expectedError(f, 1e12, 0.0), 0.01 + 1.0 / (kPooledGuesses * 1e12));
+  EXPECT_NEAR(expectedError(f, 1e12, 1e6), 4.0 / (kPooledPairs[0] * 1e6), 1e-10);
+  EXPECT_DOUBLE_EQ(expectedError(figures(0.0), 8.0, 3.0), 1.0 / (kPooledGuesses * 8.0));
+}
+
+TEST(ShareRule, WithoutBiasPairsAreFew) {
+  for (const double samples : {2.0, 64.0, 4096.0}) {
+    EXPECT_DOUBLE_EQ(chooseShares(std::vector{figures(0.0)}, samples)[0], kLeastShareOfPairs);
+  }
+}
+
+TEST(ShareRule, PairsThatCostNothingAreTaken) {
+  EXPECT_DOUBLE_EQ(chooseShares(std::vector{figures(0.0, 1.0, 4.0, 0.0)}, 16.0)[0], 1.0);
+}
+
+/// Samples and pairs after many looks, each of which doubles the rays that are spent.
+std::vector<ShareFigures> after(std::vector<ShareFigures> regions, int looks, double& samples) {
+  for (int i = 0; i < looks; ++i) {
+    const std::vector<double> shares = chooseShares(regions, samples);
+    for (std::size_t k = 0; k < regions.size(); ++k) regions[k].pairs += shares[k] * samples;
+    samples *= 2.0;
+  }
+  return regions;
+}
+
+TEST(ShareRule, FarBeyondTheBiasItIsThatOfMultilevelEstimation) {
+  for (const double pairVariance : {0.05, 0.4, 2.0}) {
+    double samples = 16.0;
+    const auto end = after({figures(1e6, 1.0, pairVariance)}, 24, samples);
+    const double best = std::sqrt(pairVariance / kPooledPairs[0] * kPooledGuesses * 2.0 / 2.0);
+    EXPECT_NEAR(end[0].pairs / samples / best, 1.0, 0.1) << pairVariance;
+  }
+}
+
+TEST(ShareRule, RegionsShareByTheRootOfVarianceOverCost) {
+  double samples = 16.0;
+  const auto end =
+      after({figures(1e6, 1.0, 0.1, 1.0), figures(1e6, 1.0, 0.4, 4.0), figures(1e6, 1.0, 0.4, 1.0)},
+            24, samples);
+  EXPECT_NEAR(end[1].pairs / end[0].pairs, 1.0, 0.05);
+  EXPECT_NEAR(end[2].pairs / end[0].pairs, 2.0, 0.1);
+}
+
+/// No other pair of shares, spending the same rays, has less error.
+TEST(ShareRule, NoOtherSharesAreBetter) {
+  const std::vector<ShareFigures> regions{figures(0.02, 1.0, 1.0), figures(0.001, 2.0, 8.0, 5.0)};
+  constexpr double kSamples = 64.0;
+  double spent = 0.0;
+  for (const ShareFigures& f : regions) {
+    spent += f.pixels * (kSamples * f.guessCost + f.pairs * f.pairCost);
+  }
+  const auto errorOf = [&](const std::vector<double>& shares) {
+    double rays = 0.0, error = 0.0;
+    for (std::size_t i = 0; i < 2; ++i) {
+      rays += regions[i].pixels * (regions[i].guessCost + shares[i] * regions[i].pairCost);
+    }
+    const double more = spent / rays;
+    for (std::size_t i = 0; i < 2; ++i) {
+      error += expectedError(regions[i], kSamples + more, regions[i].pairs + shares[i] * more);
+    }
+    return error;
+  };
+  const double chosen = errorOf(chooseShares(regions, kSamples));
+  for (int a = 0; a <= 20; ++a) {
+    for (int b = 0; b <= 20; ++b) {
+      const auto share = [](int i) {
+        return kLeastShareOfPairs * std::pow(1.0 / kLeastShareOfPairs, i / 20.0);
+      };
+      EXPECT_LE(chosen, 1.02 * errorOf({share(a), share(b)})) << a << ' ' << b;
+    }
+  }
+}
+
+TEST(ShareRule, SharesStayInTheirRange) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> exponent(-12.0, 12.0);
+  for (int i = 0; i < 200; ++i) {
+    std::vector<ShareFigures> regions;
+    for (int k = 0; k < 5; ++k) {
+      const auto any = [&] { return std::pow(10.0, exponent(random)); };
+      regions.push_back({.pixels = 64.0,
+                         .pairs = any(),
+                         .guessCost = 1.0 + any(),
+                         .pairCost = any(),
+                         .guessVariance = any(),
+                         .pairVariance = any(),
+                         .bias = {{any(), 0.0}, {any(), 0.0}}});
+    }
+    for (const double share : chooseShares(regions, 8.0)) {
+      EXPECT_GE(share, kLeastShareOfPairs);
+      EXPECT_LE(share, 1.0);
+    }
+  }
+}
+
+TEST(PoolBias, WithoutDoubtNothingIsPooled) {
+  std::vector<ShareFigures> regions{figures(0.1), figures(0.4)};
+  poolBias(regions);
+  EXPECT_DOUBLE_EQ(regions[0].bias[0].square, 0.1);
+  EXPECT_DOUBLE_EQ(regions[1].bias[0].square, 0.4);
+}
+
+TEST(PoolBias, WhatMayBeNoiseIsTheMeanLessItsError) {
+  std::vector<ShareFigures> regions(4, figures(0.0));
+  const double found[] = {0.3, -0.1, 0.2, 0.0};
+  for (std::size_t i = 0; i < 4; ++i) {
+    regions[i].bias[0] = {found[i], 0.2};
+  }
+  poolBias(regions);
+  for (const ShareFigures& f : regions) EXPECT_NEAR(f.bias[0].square, 0.0, 1e-12);  // 0.1 - 0.2
+  for (ShareFigures& f : regions) f.bias[0].square = 0.5;
+  poolBias(regions);
+  for (const ShareFigures& f : regions) EXPECT_NEAR(f.bias[0].square, 0.3, 1e-12);
+}
+
+// ---- what it measures ----
+
+constexpr std::uint32_t kSide = 64;
+const Tile kArea{0, 0, kSide, kSide};
+
+/// A guess of mean 1 + bias and its exact value, of mean 1.
+struct Integrand {
+  double bias, guessNoise, pairNoise;
+  std::mt19937 random{1};
+
+  std::pair<vec3, vec3> sample() {
+    std::normal_distribution<double> noise;
+    const double guess = 1.0 + bias + guessNoise * noise(random);
+    const double exact = guess - bias + pairNoise * noise(random);
+    return {vec3(static_cast<float>(guess)), vec3(static_cast<float>(exact))};
+  }
+};
+
+TEST(MeasureShares, FindsVariancesAndBias) {
+  for (const double bias : {0.0, 0.2, -0.2}) {
+    Integrand integrand{bias, 0.5, 0.7};
+    Accumulator sums(kSide, kSide, true);
+    for (std::uint32_t s = 0; s < 8; ++s) {
+      for (std::uint32_t i = 0; i < kSide * kSide; ++i) {
+        const auto [guess, exact] = integrand.sample();
+        sums.add(i % kSide, i / kSide, s, guess, s % 2 == 0 ? &exact : nullptr);
+      }
+    }
+    const ShareFigures f = measureShares(kArea, sums);
+    const double weight = 1.0 / (1.01 * (1.0 + bias) * (1.0 + bias));
+    EXPECT_DOUBLE_EQ(f.pairs, 4.0);
+    EXPECT_NEAR(f.guessVariance, weight * 0.25, 0.05 * weight);
+    EXPECT_NEAR(f.pairVariance, weight * 0.49, 0.05 * weight);
+    EXPECT_NEAR(f.bias[0].square, weight * bias * bias, 4.0 * f.bias[0].doubt);
+    EXPECT_LT(f.bias[0].doubt, 0.01);
+    EXPECT_NEAR(f.bias[1].square, 0.0, 4.0 * f.bias[1].doubt);
+  }
+}
+
+/// Choices depend on samples, and still the mean is the exact one: over many pictures, whether the
+/// guess is right, wrong, or noisy.
+TEST(Dial, LeavesTheMeanAlone) {
+  constexpr int kPictures = 60;
+  constexpr std::uint32_t kSamples = 40;
+  for (const double bias : {0.0, 0.1, 0.5}) {
+    Integrand integrand{bias, 0.3, 1.0};
+    double sum = 0.0, square = 0.0, share = 0.0;
+    for (int picture = 0; picture < kPictures; ++picture) {
+      Accumulator sums(kSide, kSide, true);
+      Dial dial(1, kSide * kSide);
+      for (std::uint32_t s = 0; s < kSamples; ++s) {
+        for (std::uint32_t i = 0; i < kSide * kSide; ++i) {
+          const double offset = std::fmod(i * 0.618033988749895 + picture * 0.41, 1.0);
+          const bool paired = takesExact(s, dial.tile(0).share, offset);
+          const auto [guess, exact] = integrand.sample();
+          sums.add(i % kSide, i / kSide, s, guess, paired ? &exact : nullptr);
+          RayCounts rays;
+          rays.cRays = paired ? 6 : 3;
+          dial.add(0, paired, rays);
+        }
+        dial.look(std::span(&kArea, 1), s + 1, sums);
+      }
+      double mean = 0.0;
+      for (std::uint32_t i = 0; i < kSide * kSide; ++i) {
+        EXPECT_GT(sums.pairs(i % kSide, i / kSide), 0u);
+        mean += sums.mean(i % kSide, i / kSide).x / (kSide * kSide);
+      }
+      sum += mean;
+      square += mean * mean;
+      share += dial.share() / kPictures;
+    }
+    const double mean = sum / kPictures, variance = square / kPictures - mean * mean;
+    EXPECT_NEAR(mean, 1.0, 4.0 * std::sqrt(variance / kPictures)) << bias;
+    if (bias == 0.0) {
+      EXPECT_LT(share, 0.1);
+    } else {
+      EXPECT_GT(share, 0.15) << bias;
+    }
+  }
+}
+
+// ---- the correction ----
+
+/// A frame of one even surface whose guess lacks `bias` of the light, after 8 samples.
+std::unique_ptr<FrameBuffers> frameOf(double bias, double pairNoise) {
+  Integrand integrand{bias, 0.1, pairNoise};
+  auto frame = std::make_unique<FrameBuffers>(
+      kSide, kSide, true, true, PictureLayers{},
+      TileScheduler({kArea}, TileScheduler::Order::kSweep, kSide, kSide), true);
+  for (std::uint32_t s = 0; s < 8; ++s) {
+    for (std::uint32_t i = 0; i < kSide * kSide; ++i) {
+      const std::uint32_t x = i % kSide, y = i / kSide;
+      const auto [guess, exact] = integrand.sample();
+      const bool paired = s % 2 == 0;
+      frame->sums.add(x, y, s, guess, paired ? &exact : nullptr);
+      const vec3 place(static_cast<float>(x), static_cast<float>(y), 0.0f);
+      const Feature f{vec3(0.5f), vec3(0.0f, 0.0f, 1.0f), place, 1.0f, 0.0f};
+      frame->features->add(x, y, f, guess);
+      frame->dial->add(0, paired, RayCounts{.cRays = 2});
+    }
+  }
+  frame->tiles.restore(8, 0);
+  return frame;
+}
+
+struct Corrected {
+  double mean = 0.0, square = 0.0, left = 0.0;
+};
+
+Corrected correct(const FrameBuffers& frame) {
+  DialCorrection correction(frame, std::vector<float>(kSide * kSide, 1.0f));
+  EXPECT_TRUE(correction.advance([] { return true; }));
+  Corrected out;
+  for (const vec3& v : correction.take(std::vector<vec3>(kSide * kSide, vec3(1.0f)))) {
+    const auto value = static_cast<double>(v.x);
+    out.mean += value / (kSide * kSide);
+    out.square += value * value / (kSide * kSide);
+  }
+  out.left = correction.errorLeft();
+  return out;
+}
+
+TEST(DialCorrection, FindsABiasInNoise) {
+  const Corrected found = correct(*frameOf(0.3, 0.5));
+  EXPECT_NEAR(found.mean, -0.3, 0.04);
+  EXPECT_LT(found.left, 0.005);
+}
+
+TEST(DialCorrection, LeavesNoTraceOfNoise) {
+  for (const double noise : {0.3, 1.0, 5.0}) {
+    EXPECT_LT(correct(*frameOf(0.0, noise)).square, 1e-4 * noise * noise) << noise;
+  }
+}
+
+TEST(DialCorrection, SaysWhatItLeaves) {
+  // So noisy that little can be corrected, and so large that it still is known.
+  const Corrected found = correct(*frameOf(0.3, 6.0));
+  const double true_ = (found.mean + 0.3) * (found.mean + 0.3) / 1.01;
+  EXPECT_NEAR(found.left, true_, 0.06);
+}
+
+// ---- sessions ----
+
+constexpr std::uint32_t kWidth = 80, kHeight = 72;  // four tiles, two of them cut
+
+std::shared_ptr<const Model> roomModel(float emission = 8.0f) {
+  Scene scene;
+  scene.materials = {test::lambert(0.6f), test::lambert(0.0f, emission)};
+  test::place(scene, test::box(vec3(-2.0f), vec3(2.0f), 0, true));
+  test::place(scene, test::box(vec3(-0.5f, 1.8f, -0.5f), vec3(0.5f, 1.9f, 0.5f), 1, false));
+  test::place(scene, test::sphere(vec3(0.8f, 0.0f, -1.0f), 0.6f, 0, 12));
+  scene.cameras = {test::lookAt(dvec3(0.0, 0.0, 1.9), dvec3(0.0, 0.0, -1.0), 1.0f)};
+  return std::make_shared<const Model>(
+      makeModel(std::move(scene), {.voxels = true, .voxelDepth = 5}));
+}
+
+const std::shared_ptr<const Model>& room() {
+  static const auto model = roomModel();
+  return model;
+}
+
+RenderSettings settings(std::uint32_t samples, GuessKind guess = GuessKind::kRay) {
+  RenderSettings s;
+  s.width = kWidth;
+  s.height = kHeight;
+  s.samples = samples;
+  s.exact = kFirstShare;
+  s.dial = true;
+  s.device = RenderSettings::kNoDevice;
+  s.guess = guess;
+  s.denoise = Denoise::kFilter;
+  return s;
+}
+
+const PictureLayers kAll = layersFromNames({"all"});
+
+std::unique_ptr<Session> session(const RenderSettings& s,
+                                 const std::shared_ptr<const Model>& model = room()) {
+  return std::make_unique<Session>(model, model->scene.cameras.front(), s, kAll);
+}
+
+TEST(DialSession, ThreadsAndStopsChangeNoBit) {
+  for (const GuessKind guess : {GuessKind::kRay, GuessKind::kCone}) {
+    const auto whole = session(settings(20, guess));
+    whole->run();
+    EXPECT_GT(whole->report().exactShare, 0.0);
+    for (const std::size_t threads : {1, 3}) {
+      const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
+      const auto pieces = session(settings(20, guess));
+      while (!pieces->goalReached()) {
+        int left = 3;
+        pieces->run([&] { return left-- > 0; });
+      }
+      EXPECT_EQ(whole->picture().values, pieces->picture().values) << threads;
+    }
+  }
+}
+
+TEST(DialSession, GoesOnFromACheckpointWithTheSameBits) {
+  const auto path =
+      std::filesystem::temp_directory_path() / ("trex-dial-" + std::to_string(getpid()));
+  const auto whole = session(settings(14));
+  whole->run();
+  for (const int tiles : {3, 8, 11, 26, 36}) {  // before, at and after looks
+    const auto first = session(settings(14));
+    int left = tiles;
+    first->run([&] { return left-- > 0; });
+    first->saveCheckpoint(path, 5, 0);
+    const auto second = session(settings(14));
+    CheckpointReader reader(path);
+    second->restoreCheckpoint(reader);
+    second->run();
+    EXPECT_EQ(whole->picture().values, second->picture().values) << tiles;
+    EXPECT_EQ(whole->report().exactShare, second->report().exactShare);
+  }
+  std::filesystem::remove(path);
+}
+
+TEST(DialSession, TheLayerSaysWhichSamplesWereExact) {
+  const auto r = session(settings(12));
+  r->run();
+  const Picture p = r->picture();
+  const auto at = std::find(p.channels.begin(), p.channels.end(), "exactShare");
+  ASSERT_NE(at, p.channels.end());
+  double sum = 0.0;
+  for (std::size_t i = 0; i < kWidth * kHeight; ++i) {
+    const float share =
+        p.values[i * p.channels.size() + static_cast<std::size_t>(at - p.channels.begin())];
+    EXPECT_GE(share, 0.0f);
+    EXPECT_LE(share, 1.0f);
+    sum += static_cast<double>(share);
+  }
+  EXPECT_NEAR(sum / (kWidth * kHeight), r->report().exactShare, 1e-6);
+}
+
+TEST(DialSession, ExtremesEnd) {
+  RenderSettings small = settings(40);
+  small.width = small.height = 1;
+  const auto dark = roomModel(0.0f);  // nothing shines: all samples are exact
+  for (const auto& [s, model] : {std::pair{small, room()}, {settings(5), dark}, {small, dark}}) {
+    const auto r = session(s, model);
+    r->run();
+    EXPECT_EQ(r->samplesDone(), s.samples);
+    for (const float v : r->picture().values) EXPECT_TRUE(std::isfinite(v));
+    EXPECT_EQ(r->report().exactShare == 1.0, model == dark);
+  }
+}
+
+/// The estimate is the distance to a picture of many exact samples, as far as it goes.
+TEST(DialSession, TheErrorItTellsIsTheError) {
+  const auto rough = session(settings(64));
+  rough->run();
+  RenderSettings exact = settings(1500);
+  exact.dial = false;
+  exact.exact = 1.0;
+  exact.seed = 1;
+  exact.denoise = Denoise::kOff;
+  const auto fine = session(exact);
+  fine->run();
+  const Picture a = rough->picture(), b = fine->picture();
+  double mean = 0.0, error = 0.0;
+  constexpr double kValues = 3.0 * kWidth * kHeight;
+  const auto each = [&](const auto& visit) {
+    for (std::size_t i = 0; i < kWidth * kHeight; ++i) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        visit(static_cast<double>(a.values[i * a.channels.size() + c]),
+              static_cast<double>(b.values[i * b.channels.size() + c]));
+      }
+    }
+  };
+  each([&](double, double y) { mean += y / kValues; });
+  each([&](double x, double y) {
+    error += (x - y) * (x - y) / (y * y + 0.01 * mean * mean) / kValues;
+  });
+  const double estimate = rough->estimatedError();
+  EXPECT_GT(estimate, error / 2.0);
+  EXPECT_LT(estimate, error * 2.0);
+}
+
+TEST(DialSession, StopsAtTheErrorAskedFor) {
+  RenderSettings s = settings(0);
+  s.error = 0.003;
+  const auto r = session(s);
+  r->run();
+  EXPECT_LE(r->estimatedError(), 0.003);
+  EXPECT_GE(r->samplesDone(), 16u);
+}
+
+}  // namespace
+}  // namespace trex
