@@ -74,9 +74,7 @@ class PageCache {
   /// Pins a page if it is there, at once; else the pin holds nothing.
   Pin pinIfHere(std::uint32_t page);
   /// Whether a page is there. By the time of the answer another thread may have changed that.
-  bool isHere(std::uint32_t page) const {
-    return slots_[page].state.load() >= 0;
-  }
+  bool isHere(std::uint32_t page) const { return slots_[page].state.load() >= 0; }
   /// Gives up a page, for callers who know better than the clock's hand. False if it is pinned or
   /// not there.
   bool evict(std::uint32_t page);
@@ -90,7 +88,7 @@ class PageCache {
   struct Slot {
     std::atomic<std::int32_t> state{kAbsent};
     std::atomic<std::uint8_t> used{0};  ///< since the hand passed
-    bool known = false;  ///< it was whole when it came
+    bool known = false;                 ///< it was whole when it came
     std::uint32_t place = 0;            ///< in present_, while it is there
     std::unique_ptr<Mesh> mesh;
   };

@@ -93,8 +93,8 @@ class PageFile {
   virtual std::string place(std::uint64_t offset) const = 0;
 };
 
-/// Reads one page and checks it against its entry. `known`: it has passed before, so the checksum is
-/// enough. Throws FormatError that names the place.
+/// Reads one page and checks it against its entry. `known`: it has passed before, so the checksum
+/// is enough. Throws FormatError that names the place.
 ClusterPage loadPage(const PageFile& file, const PageTable& table, std::uint32_t page,
                      bool known = false);
 
