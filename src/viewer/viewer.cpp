@@ -13,10 +13,11 @@
 namespace trex {
 namespace {
 
-PictureLayers viewerLayers() {
+PictureLayers viewerLayers(bool dial) {
   PictureLayers layers = layersFromNames({"all"});
   layers.direct = layers.indirect = false;  // no view shows them
   layers.rayClass = true;
+  layers.exactShare = dial;  // else it says nothing
   return layers;
 }
 
@@ -163,7 +164,8 @@ void Viewer::Impl::takeMeshes(std::shared_ptr<Model> model, const ModelOptions& 
   RenderSettings settings = options.settings;
   settings.interactive = true;
   settings.samples = std::max(settings.samples, 1u);
-  session = std::make_unique<Session>(editor->shared(), first.camera, settings, viewerLayers());
+  session = std::make_unique<Session>(editor->shared(), first.camera, settings,
+                                      viewerLayers(settings.dial));
   session->beforeLight([this] { editor->updateVoxelValues(); });
   if (made.voxels) session->voxelsAreComing();
   phase = made.voxels ? OpenPhase::kVoxels : OpenPhase::kReady;
