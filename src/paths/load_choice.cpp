@@ -54,12 +54,12 @@ void LoadChoice::begin(const hccm::PageCache& cache, const PageQueues& queues,
 
 /// Finds the pages that are there, those too that a stage loaded by itself.
 void LoadChoice::look() {
+  loads_ = cache_->statistics().loads;  // first: what comes meanwhile is looked for again
   here_.clear();
   for (std::uint32_t p = 0; p < pages_.size(); ++p) {
     pages_[p].here = cache_->isHere(p);
     if (pages_[p].here) here_.push_back(p);
   }
-  loads_ = cache_->statistics().loads;
 }
 
 /// Rays that will come to each page, if those that wait go on as those before them did.
@@ -213,12 +213,16 @@ std::optional<std::uint32_t> LoadChoice::victim() {
     going_.pop_back();
     if (mayGo(page)) return page;
   }
-  if (cache_->statistics().loads != loads_) look();
-  std::optional<std::uint32_t> best;
-  for (const std::uint32_t page : here_) {
-    if (mayGo(page) && (!best || pages_[page].last < pages_[*best].last)) best = page;
+  // Counts of loads do not tell of all that stages loaded: ours may have found its page there.
+  for (int turn = 0; turn < 2; ++turn) {
+    if (turn > 0 || cache_->statistics().loads != loads_) look();
+    std::optional<std::uint32_t> best;
+    for (const std::uint32_t page : here_) {
+      if (mayGo(page) && (!best || pages_[page].last < pages_[*best].last)) best = page;
+    }
+    if (best) return best;
   }
-  return best;
+  return {};
 }
 
 void LoadChoice::used(std::uint32_t page, std::size_t rays, double seconds,

@@ -1,10 +1,17 @@
 #include "src/paths/page_traffic.h"
 
 #include <algorithm>
+#include <chrono>
 
 #include "src/core/clock.h"
 
 namespace trex {
+namespace {
+
+/// Stages let go of pages without a word, so whoever finds no room looks again after this.
+constexpr std::chrono::milliseconds kLookAgain(20);
+
+}  // namespace
 
 PageTraffic::PageTraffic(hccm::PageCache& cache, LoadChoice& choice, PageQueues& queues,
                          std::uint64_t paths, unsigned tracing, unsigned loaders,
@@ -93,7 +100,7 @@ bool PageTraffic::next(PageWork& work, unsigned thread) {
     if (loadOne(lock, thread) || announceHere()) continue;
     const double start = secondsNow();
     ++idle_;
-    work_.wait(lock);
+    work_.wait_for(lock, kLookAgain);
     --idle_;
     report_.waiting += secondsNow() - start;
   }
@@ -187,7 +194,7 @@ bool PageTraffic::loadOne(std::unique_lock<std::mutex>& lock, unsigned thread) {
 void PageTraffic::load(unsigned thread) {
   std::unique_lock lock(mutex_);
   while (!stop_) {
-    if (ready_.size() >= kReady || !loadOne(lock, thread)) room_.wait(lock);
+    if (ready_.size() >= kReady || !loadOne(lock, thread)) room_.wait_for(lock, kLookAgain);
   }
 }
 
