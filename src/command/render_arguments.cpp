@@ -34,6 +34,9 @@ void readSettings(RenderArguments& a) {
   if (std::isnan(s.error)) fail(ExitCode::kUsage, "--error nan: want a relMSE above 0");
   if (!a.maxMemory.empty()) s.maxMemory = parseBytes(a.maxMemory);
   if (!a.maxGpuMemory.empty()) s.maxGpuMemory = parseBytes(a.maxGpuMemory);
+  // Wrong whether or not the model has pages that ask for it.
+  if (!a.cache.empty()) parseBytes(a.cache);
+  if (a.rayMemory != "auto" && a.rayMemory != "off") parseBytes(a.rayMemory);
   if (s.samples == 0 && s.seconds == 0.0 && s.error == 0.0) s.samples = 64;
   s.device = parseDevice(a.device);
   s.guess = a.guess == "ray"    ? GuessKind::kRay

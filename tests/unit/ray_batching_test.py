@@ -72,6 +72,9 @@ class RayBatching(ProgramTest):
         self.assertIn("--ray-memory 6G", said)
         self.assertFalse(os.path.exists(self.path("a.exr")))
         self.render("a.exr", "--ray-memory", "much", "--cache", self.few, code=2)
+        for option, size in (("--ray-memory", "-5"), ("--ray-memory", "much"), ("--cache", "much")):
+            said = self.render("a.exr", option, size, code=2, bundle=MODEL)  # all of which fits in memory
+            self.assertIn(size, said)
 
     def test_a_damaged_page_is_named(self):
         damaged = bytearray(contents(self.bundle))
