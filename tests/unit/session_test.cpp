@@ -466,6 +466,43 @@ TEST(Session, CoarseFramesAreSharp) {
   EXPECT_LT(sharp, 0.1);
 }
 
+/// A turn of the camera keeps what was seen of light, an edit of light does not.
+TEST(Session, RemembersLightUntilItIsEdited) {
+  RenderSettings s = settings(0.0, 64);
+  s.interactive = true;
+  const auto viewed = session(s, {});
+  const auto untilReady = [&] {
+    do {
+      int turns = 0;
+      ASSERT_TRUE(viewed->step([&] { return ++turns < 50; }, vec2(0.5f)));
+    } while (viewed->previewing());
+  };
+  while (viewed->previewing() || viewed->samplesDone() < 8) untilReady();
+  std::vector<FeaturePart> parts;
+  for (std::uint32_t y = 0; y < kHeight; y += 4) {
+    for (std::uint32_t x = 0; x < kWidth; x += 4)
+      parts.push_back(viewed->shownFrame().features->most(x, y));
+  }
+  const auto known = [&] {
+    const LightMemory& memory = *viewed->shownFrame().memory;
+    return std::count_if(parts.begin(), parts.end(),
+                         [&](FeaturePart part) { return memory.join(part, vec2(0.5f)); });
+  };
+  const auto before = known();
+  EXPECT_GT(before, static_cast<std::ptrdiff_t>(parts.size() / 2));
+  const Camera camera = roomModel()->scene.cameras.front();
+  viewed->follow({.frame = true}, camera);
+  ASSERT_FALSE(viewed->previewing());
+  EXPECT_EQ(known(), before);
+  viewed->follow({.frame = true, .lights = true, .flux = true}, camera);
+  ASSERT_TRUE(viewed->previewing());
+  while (viewed->previewing()) {
+    int turns = 0;
+    ASSERT_TRUE(viewed->step([&] { return ++turns < 50; }, vec2(0.5f)));
+  }
+  EXPECT_EQ(known(), 0);
+}
+
 TEST(Session, SunShinesThroughWindowsInEveryMode) {
   const double open = meanOf(windowModel(0), settings(1.0, 16));
   for (const int kind : {1, 2}) {
