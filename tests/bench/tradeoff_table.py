@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """Prints the tables of docs/tradeoff.md from the JSON of `trex bench tradeoff`.
 
-    tests/bench/tradeoff_table.py report.json [--at 1,8,60]
+    tests/bench/tradeoff_table.py report.json [--at 1,8,60] [--flip 0.1]
 
-A figure is that of the last point that is not later than the second asked for, with a tenth of grace.
+A figure is that of the last point that is not later than the second asked for, with a tenth of grace. Where peers.py has
+added other renderers, two last tables say how long each of them takes to the relMSE of our last point, and both to FLIP 0.1.
 """
-import argparse, json
+import argparse, json, math
 
 
 def at(points, seconds):
@@ -23,15 +24,58 @@ def table(header, rows):
         print(f"| {' | '.join(row)} |")
 
 
+def seconds_to(points, key, value):
+    """When a curve reaches a value, along straight lines of the logarithms; none before its first or after its last point."""
+    for a, b in zip(points, points[1:]):
+        if a[key] > value >= b[key]:
+            way = math.log(a[key] / value) / math.log(a[key] / b[key])
+            return a["seconds"] * (b["seconds"] / a["seconds"]) ** way
+    return None
+
+
+def seconds_to_error(points, relmse):
+    """As above; before the first and after the last point noise is what errs, and falls as 1 over seconds."""
+    nearest = points[0] if relmse >= points[0]["relmse"] else points[-1]
+    return seconds_to(points, "relmse", relmse) or nearest["seconds"] * nearest["relmse"] / relmse
+
+
+def geometric_means(ratios):
+    return [[f"geometric mean of {len(r)}", run, peer, "", "", f"{math.exp(sum(map(math.log, r)) / len(r)):.2f}"]
+            for (run, peer), r in ratios.items()]
+
+
+def against_peers(scenes, flip):
+    """How long other renderers take to what we reach: to the relMSE of our last point, and both to a FLIP."""
+    errors, looks, ratios = [], [], {}
+    for scene in scenes:
+        for run, peer in ((r, p) for r in scene["runs"] for p in scene.get("peers", [])):
+            ours, key = run["points"][-1], (name(run), peer["renderer"])
+            theirs = seconds_to_error(peer["points"], ours["relmse"])
+            ratios.setdefault(key, []).append(theirs / ours["seconds"])
+            errors.append([scene["name"], *key, f"{ours['relmse']:.4g} in {ours['seconds']:.1f} s", f"{theirs:.1f} s",
+                           f"{theirs / ours['seconds']:.2f}"])
+            row = [scene["name"], *key]
+            for points in (run["points"], peer["points"]):
+                found = seconds_to(points, "flip", flip)
+                first, last = points[0], points[-1]
+                row.append(f"{found:.2f} s" if found else f"< {first['seconds']:.2f} s" if first["flip"] <= flip
+                           else f"> {last['seconds']:.2f} s")
+            looks.append(row)
+    if errors:
+        table(["scene", "", "renderer", "our relMSE", "its seconds to that", "over ours"], errors + geometric_means(ratios))
+        table(["scene", "", "renderer", f"our seconds to FLIP {flip:g}", "its"], looks)
+
+
 def name(run):
     share = run.get("exact")
-    return run["name"] if share is None else f"exact {share}" if isinstance(share, str) else f"exact {share:g}"
+    return run["renderer"] if share is None else f"exact {share}" if isinstance(share, str) else f"exact {share:g}"
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("report")
     parser.add_argument("--at", default="1,8,60")
+    parser.add_argument("--flip", type=float, default=0.1)
     options = parser.parse_args()
     seconds = [float(x) for x in options.at.split(",")]
     with open(options.report) as f:
@@ -50,6 +94,7 @@ def main():
     table(["scene", "import", "mesh", "voxels"],
           [[s["name"], *(f"{s['setup'][k + '_seconds']:.2f}" for k in ("import", "mesh_build", "voxel_build"))]
            for s in report["scenes"]])
+    against_peers(report["scenes"], options.flip)
 
 
 if __name__ == "__main__":
