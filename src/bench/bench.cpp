@@ -242,6 +242,7 @@ void addBenchCommand(CLI::App& app, int& exitCode) {
   addHccmeshBench(*bench);
   addBenchAsvoCommand(*bench);
   addBenchScheduleCommand(*bench);
+  addBenchBaselinesCommand(*bench, exitCode);
   CLI::App* c =
       bench->add_subcommand("tradeoff", "Error over time for several shares of exactness");
   c->add_option("SCENE", a->scenes, "Models: .gltf .glb .ply .obj .stl .xml .pbrt");

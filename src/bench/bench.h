@@ -7,6 +7,8 @@ namespace trex {
 
 /// Adds `trex bench`. Its exit code, 0, 130 or 143, is written to `exitCode`.
 void addBenchCommand(CLI::App& app, int& exitCode);
+/// Adds `trex bench baselines`; its exit code as above.
+void addBenchBaselinesCommand(CLI::App& bench, int& exitCode);
 /// Adds `trex bench asvo`.
 void addBenchAsvoCommand(CLI::App& bench);
 /// Adds `trex bench schedule`.

@@ -1,63 +1,20 @@
 #include "src/bench/bench_tradeoff.h"
 
 #include <fmt/format.h>
-#include <tbb/global_control.h>
-#include <tbb/info.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
-#include <functional>
 #include <memory>
-#include <optional>
 
-#include "src/bench/bench_score.h"
 #include "src/command/interrupt.h"
-#include "src/core/clock.h"
-#include "src/core/error.h"
 #include "src/core/log.h"
-#include "src/core/version.h"
-#include "src/scene/import.h"
-#include "src/session/preflight.h"
 #include "src/session/session.h"
 
 namespace trex {
 namespace {
 
 using nlohmann::json;
-
-constexpr double kFirstPoint = 0.25;
-/// Added to the seed of a reference that is rendered here: it must not share the runs' noise.
-constexpr std::uint32_t kReferenceSeed = 0x5eed0000u;
-
-std::string processorName() {
-  std::ifstream file("/proc/cpuinfo");
-  for (std::string line; std::getline(file, line);) {
-    if (!line.starts_with("model name")) continue;
-    const std::size_t at = line.find(": ");
-    if (at != std::string::npos) return line.substr(at + 2);
-  }
-  return "unknown";
-}
-
-json machine() {
-  return {
-      {"cpu", processorName()},
-      {"threads", tbb::global_control::active_value(tbb::global_control::max_allowed_parallelism)},
-      {"cores", tbb::info::default_concurrency()},
-      {"device", "none"},
-      {"version", kVersion}};
-}
-
-/// Runs until `seconds` of rendering in all; the first pass is finished in any case.
-void runUntil(Session& session, double seconds) {
-  const double start = secondsNow() - session.report().renderSeconds;
-  session.run([&] {
-    return interruptedBy() == 0 && (session.samplesDone() == 0 || secondsNow() - start < seconds);
-  });
-}
 
 json raysOf(const SessionReport& r) {
   const std::uint64_t all = r.rays.cRays + r.rays.shadowRays + r.rays.cones + r.rays.cacheReads;
@@ -93,23 +50,20 @@ json runShare(const std::shared_ptr<const Model>& model, const TradeoffArguments
   Session session(model, model->scene.cameras.front(), settings);
   json run = {{"exact", settings.dial ? json("auto") : json(settings.exact)},
               {"points", json::array()}};
-  for (double target = kFirstPoint, last = 0.0; last < a.seconds && interruptedBy() == 0;) {
-    target = std::min(target, a.seconds);
+  for (BenchPoints points(a.seconds); interruptedBy() == 0;) {
+    const double target = points.next();
     runUntil(session, std::max(target - session.denoiseWithin(target), 0.1 * target));
     if (session.samplesDone() == 0) break;
     json shown;
     json point = measure(session, scorer, shown);
-    last = point["seconds"];
+    const double seconds = point["seconds"];
     logInfo("{}, exact {}: {:.2f} s, {} samples, relMSE {:.4g}, FLIP {:.4f}", name, shareText(run),
-            last, point["samples"].get<std::uint32_t>(), point["relmse"].get<double>(),
+            seconds, point["samples"].get<std::uint32_t>(), point["relmse"].get<double>(),
             point["flip"].get<double>());
-    if (!run.contains("picture_early") || last <= 1.1) run["picture_early"] = shown;
+    if (!run.contains("picture_early") || seconds <= 1.1) run["picture_early"] = shown;
     run["picture_last"] = shown;
     run["points"].push_back(std::move(point));
-    if (target >= a.seconds) break;
-    do {
-      target *= 2.0;  // also where the run ended a little before its time
-    } while (target <= last);
+    if (!points.goOn(seconds)) break;
   }
   const SessionReport r = session.report();
   run["slope"] = settings.exact > 0.0 ? slopeOf(run["points"]) : json(nullptr);
@@ -133,44 +87,7 @@ json sharesOf(const TradeoffArguments& a) {
   return shares;
 }
 
-/// The exact mode as its own reference.
-Scorer renderReference(const std::shared_ptr<const Model>& model, const TradeoffArguments& a,
-                       json& told) {
-  RenderSettings settings = a.settings;
-  settings.exact = 1.0;
-  settings.seed += kReferenceSeed;
-  Session session(model, model->scene.cameras.front(), settings);
-  runUntil(session, a.referenceSeconds);
-  const SessionReport r = session.report();
-  told = {{"file", "auto"}, {"seconds", r.renderSeconds}, {"samples", r.samplesDone}};
-  const ColorImage image = colorsOf(session.picture(), "reference");
-  return {image, image};
-}
-
-std::shared_ptr<const Model> prepare(const TradeoffScene& scene, const TradeoffArguments& a,
-                                     json& setup) {
-  const double start = secondsNow();
-  ImportOptions options;
-  options.environmentGiven = !scene.environment.empty();
-  Scene imported = importScene(scene.input, options);
-  if (options.environmentGiven) imported.environment = parseEnvironment(scene.environment);
-  const double importSeconds = secondsNow() - start;
-  ModelOptions build;
-  build.voxels = std::any_of(a.runs.begin(), a.runs.end(),
-                             [](const RenderSettings& s) { return s.exact < 1.0; });
-  build.voxelDepth = voxelDepthFor(std::uint64_t{a.settings.width} * a.settings.height);
-  RenderSettings settings = a.settings;
-  settings.exact = build.voxels ? 0.0 : 1.0;
-  build.voxelBytes = preflight(imported, settings, {}).voxelBytes;
-  auto model = std::make_shared<const Model>(makeModel(std::move(imported), build));
-  setup = {{"import_seconds", importSeconds},
-           {"mesh_build_seconds", model->meshSeconds},
-           {"voxel_build_seconds", model->voxelSeconds},
-           {"triangles", model->rays->statistics().triangles}};
-  return model;
-}
-
-json benchScene(const TradeoffScene& scene, const TradeoffArguments& a) {
+json benchScene(const BenchScene& scene, const TradeoffArguments& a) {
   const std::string name = std::filesystem::path(scene.input).stem().string();
   json out = {{"name", name},
               {"input", scene.input},
@@ -178,18 +95,18 @@ json benchScene(const TradeoffScene& scene, const TradeoffArguments& a) {
               {"runs", json::array()},
               {"peers", json::array()}};
   // A bad reference is told before minutes of work.
-  std::optional<Scorer> scorer;
-  const bool own = scene.reference == "auto";
-  if (!own) {
-    scorer.emplace(readReference(scene.reference, a.settings.width, a.settings.height));
-    out["reference"] = {{"file", scene.reference}};
+  if (scene.reference != "auto") {
+    readReference(scene.reference, a.settings.width, a.settings.height);
   }
-  const auto model = prepare(scene, a, out["setup"]);
-  if (own) scorer.emplace(renderReference(model, a, out["reference"]));
-  out["reference"]["png_base64"] = scorer->referencePng();
+  const bool voxels = std::any_of(a.runs.begin(), a.runs.end(),
+                                  [](const RenderSettings& s) { return s.exact < 1.0; });
+  const auto model = benchModel(scene, a.settings, voxels, out["setup"]);
+  const Scorer scorer =
+      benchReference(scene, model, a.settings, a.referenceSeconds, out["reference"]);
+  out["reference"]["png_base64"] = scorer.referencePng();
   for (const RenderSettings& settings : a.runs) {
     if (interruptedBy() != 0) break;
-    out["runs"].push_back(runShare(model, a, settings, *scorer, name));
+    out["runs"].push_back(runShare(model, a, settings, scorer, name));
   }
   return out;
 }
@@ -219,7 +136,7 @@ std::string shareText(const json& run) {
 
 json benchTradeoff(const TradeoffArguments& a, const std::function<void(const json&)>& sceneDone) {
   json out = {{"bench", "tradeoff"},
-              {"machine", machine()},
+              {"machine", benchMachine()},
               {"settings",
                {{"width", a.settings.width},
                 {"height", a.settings.height},
@@ -227,7 +144,7 @@ json benchTradeoff(const TradeoffArguments& a, const std::function<void(const js
                 {"seed", a.settings.seed},
                 {"exact", sharesOf(a)}}},
               {"scenes", json::array()}};
-  for (const TradeoffScene& scene : a.scenes) {
+  for (const BenchScene& scene : a.scenes) {
     if (interruptedBy() != 0) break;
     out["scenes"].push_back(benchScene(scene, a));
     for (const json& run : out["scenes"].back()["runs"]) {

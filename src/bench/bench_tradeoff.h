@@ -6,20 +6,13 @@
 #include <string>
 #include <vector>
 
-#include "src/frame/image_diff.h"
+#include "src/bench/bench_scene.h"
 #include "src/session/settings.h"
 
 namespace trex {
 
-/// One scene of the bench.
-struct TradeoffScene {
-  std::string input;        ///< model file
-  std::string reference;    ///< picture file, or "auto": rendered by the exact mode, another seed
-  std::string environment;  ///< as of `trex render --env`; empty: the scene's
-};
-
 struct TradeoffArguments {
-  std::vector<TradeoffScene> scenes;
+  std::vector<BenchScene> scenes;
   std::vector<RenderSettings> runs;  ///< `settings`, each with its share of exact samples
   double seconds = 60.0;             ///< of each run
   double referenceSeconds = 0.0;

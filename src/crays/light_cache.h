@@ -1,5 +1,6 @@
-// Cached light: irradiance of the ASVO's voxels, read at exact surface points (guess G1), and the
-// footprint rule that says when a ray may end in it.
+// Cached light, read at exact surface points (guess G1): irradiance of the ASVO's voxels, or
+// another that a benchmark puts in its place; and the footprint rule that says when a ray may end
+// in it.
 #pragma once
 
 #include <span>
@@ -23,8 +24,20 @@ struct FootprintRule {
   }
 };
 
-/// Reads a tree and its light. Immutable while it is used from several threads; setLight() between.
-class LightCache {
+/// Light where rays end that need not go on. Immutable while it is used from several threads.
+class CachedLight {
+ public:
+  virtual ~CachedLight() = default;
+  /// Length below which it knows no detail, metres: it serves rays with wider footprints. 0: all.
+  virtual float leafSize() const = 0;
+  /// Irradiance at a surface point on the side of `normal`, W/m^2. `radius`: of the footprint,
+  /// metres; `jitter` in [0, 1)^2. False where nothing is known, and the ray goes on.
+  virtual bool irradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
+                          vec3& out) const = 0;
+};
+
+/// Reads a tree and its light; setLight() while nobody does.
+class LightCache final : public CachedLight {
  public:
   /// The tree must outlive the cache. Without setLight() nothing is found.
   explicit LightCache(const asvo::Tree& tree);
@@ -38,7 +51,7 @@ class LightCache {
   void scaleLight(double factor) { scale_ *= static_cast<float>(factor); }
 
   /// Edge of a leaf voxel, metres.
-  float leafSize() const { return leafSize_; }
+  float leafSize() const override { return leafSize_; }
   const asvo::Tracer& tracer() const { return tracer_; }
 
   /// Irradiance at a surface point on the side of `normal`, from the level that the footprint
@@ -47,7 +60,7 @@ class LightCache {
   /// the surface stands across the normal of what the voxel holds, or the voxel holds layers that
   /// hide each other.
   bool irradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
-                  vec3& out) const;
+                  vec3& out) const override;
 
  private:
   asvo::Tracer tracer_;

@@ -40,7 +40,7 @@ struct WavePath;
 
 /// What a path may do besides tracing exactly.
 struct GuessOptions {
-  const LightCache* cache = nullptr;  ///< null: exact paths alone
+  const CachedLight* cache = nullptr;  ///< null: exact paths alone
   FootprintRule footprint;
   bool cones = false;              ///< G0 and shadow cones are worth their cost on this device
   float shadowSolidAngle = 0.02f;  ///< steradian from which on a shadow ray is a G-ray

@@ -73,8 +73,9 @@ struct SessionReport {
   std::uint64_t voxels = 0, leaves = 0, voxelBytes = 0;
   int voxelDepth = 0;
   double lightScale = 1.0;
-  std::string device = "none";  ///< where G-rays run
-  bool photonRays = false;      ///< photons bounce as C-rays
+  std::string device = "none";     ///< where G-rays run
+  bool deviceSharesCores = false;  ///< that device runs on the CPU's own
+  bool photonRays = false;         ///< photons bounce as C-rays
   bool cones = false;
 };
 

@@ -132,6 +132,7 @@ SessionReport Session::report() const {
     out.photonsLanded = pass->landed();
     out.photonSeconds = pass->seconds();
     out.photonRays = pass->rayBounces();
+    out.deviceSharesCores = light_.presentDevice()->sharesHostCores();
     out.lightScale = pass->scale();
     out.gRays = light_.presentDevice()->statistics();
   }

@@ -186,6 +186,40 @@ class BenchTest(unittest.TestCase):
             self.assertEqual(run("bench", "schedule", *arguments).returncode, 2, arguments)
         self.assertEqual(run("bench", "schedule", "--seeds", 1, "-o", "/no/such/folder/x.svg").returncode, 5)
 
+    def test_baselines(self):
+        path = os.path.join(self.folder, "baselines.json")
+        result = run("bench", "baselines", self.cornell, "--size", "32x32", "--seconds", 1, "--photons", 100000,
+                     "--device", "none", "--json", path)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        with open(path) as f:
+            document = json.load(f)
+        photons, cpu = document["runs"]
+        self.assertEqual([photons["name"], cpu["name"]], ["photons", "cpu"])
+        self.assertGreater(photons["photons_stored"], 50000)
+        # Density estimation darkens edges by some percent; a wrong area or power would be far off.
+        self.assertAlmostEqual(photons["points"][-1]["mean_ratio"], 1.0, delta=0.05)
+        self.assertAlmostEqual(cpu["points"][-1]["mean_ratio"], 1.0, delta=0.02)
+        last = [run["points"][-1]["relmse"] for run in document["runs"]]
+        self.assertEqual(document["common_relmse"], max(last))
+        self.assertGreater(document["ratios"]["photons_over_cpu"], 1.0)
+        self.assertNotIn("cpu_over_device", document["ratios"])
+        self.assertIn("photon mapping over ours", result.stdout)
+
+    def test_wrong_baselines(self):
+        for code, arguments, says in (
+                (2, [], "MODEL"), (2, [self.cornell, "--nearest", "0"], "nearest"),
+                (2, [self.cornell, "--photons", "0"], "photons"), (2, [self.cornell, "--size", "1"], "WxH"),
+                (2, [self.cornell, "--env", "1,2"], "env"), (2, [self.cornell, "--exact", "nan"], "nan"),
+                (2, [self.cornell, "--seconds", "nan"], "seconds"),
+                (3, [os.path.join(self.folder, "none.glb")], "none.glb"),
+                (3, [self.cornell, "--reference", "none.exr"], "none.exr"),
+                (5, [self.cornell, "--json", os.path.join(self.folder, "no/a.json")], "no folder")):
+            with self.subTest(arguments=arguments):
+                result = run("bench", "baselines", *arguments)
+                self.assertEqual(result.returncode, code, result.stderr)
+                self.assertIn(says, result.stderr)
+                self.assertEqual(result.stderr.count("error:"), 1, result.stderr)
+
     def test_wrong_uses(self):
         reference = os.path.join(self.folder, "reference.exr")
         with open(reference, "wb") as f:
