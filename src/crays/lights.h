@@ -194,6 +194,7 @@ class LightSet {
   vec2 mapPlace(const vec3& direction) const;
   vec2 diskPlace(const vec3& towards, const vec3& point) const;
   void hintSky(const Entry& source, const ImportanceMap& importance, EmissionGuide& guide) const;
+  void hintWanted(const Entry& source, const ImportanceMap& importance, EmissionGuide& guide) const;
   void hintSun(const vec3& towards, const ImportanceMap& importance, const ClearLayers& layers,
                EmissionGuide& guide) const;
   int outsideDimensions(const Entry& source) const;

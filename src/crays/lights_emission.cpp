@@ -13,6 +13,8 @@ namespace trex {
 namespace {
 
 constexpr std::size_t kMostHintedSuns = 4;  // each costs a shadow ray per reader
+constexpr float kSmallPart = 0.5f;          // of the scene's radius
+constexpr std::uint32_t kWideSkyHints = 1u << 14, kWideSunHints = 1u << 10;
 
 /// The unit square onto the unit disk, areas and neighbourhoods kept [Shirley and Chiu 1997], so
 /// that boxes of a guide stay compact.
@@ -37,6 +39,27 @@ vec2 squareOfDisk(vec2 d) {
     p.x = p.y * (4.0f * kInvPi) * std::atan(d.x / d.y);
   }
   return glm::clamp(0.5f + 0.5f * p, vec2(0.0f), vec2(0x1.fffffep-1f));
+}
+
+/// The radius of a ball around the readers' median place that holds nine in ten of them with some
+/// room; those that importons found outside, through a window, do not count. Infinite without any.
+float ballOf(const std::vector<ImportanceMap::Reader>& readers, vec3& middle) {
+  if (readers.empty()) return kInfinity;
+  std::vector<float> values(readers.size());
+  const auto nth = [&](std::size_t n) {
+    std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(n), values.end());
+    return values[n];
+  };
+  for (int axis = 0; axis < 3; ++axis) {
+    std::transform(readers.begin(), readers.end(), values.begin(), [&](const auto& reader) {
+      return static_cast<float>(reader.start.position[axis]);
+    });
+    middle[axis] = nth(values.size() / 2);
+  }
+  std::transform(readers.begin(), readers.end(), values.begin(), [&](const auto& reader) {
+    return glm::length(vec3(reader.start.position) - middle);
+  });
+  return 1.25f * nth(values.size() * 9 / 10);
 }
 
 /// Inverse of uniformSphere(), in [0, 1)^2.
@@ -198,7 +221,27 @@ void LightSet::hint(const ImportanceMap& importance, const ClearLayers& layers,
     if (guides[i].dimensions() == 2 && suns++ < kMostHintedSuns) {
       hintSun(punctual_[source.index].light.direction, importance, layers, guides[i]);
     }
+    if (guides[i].dimensions() > 0) hintWanted(source, importance, guides[i]);
     guides[i].update();
+  }
+}
+
+/// All that leads into the ball that holds most readers, if that is small: a room in a city.
+void LightSet::hintWanted(const Entry& source, const ImportanceMap& importance,
+                          EmissionGuide& guide) const {
+  vec3 middle;
+  const float share = ballOf(importance.readers(), middle) / radius_;
+  if (!(share < kSmallPart)) return;
+  const bool sky = source.kind != Kind::kPunctual;
+  for (std::uint32_t i = 0; i < (sky ? kWideSkyHints : kWideSunHints); ++i) {
+    Sampler sampler(0x77696465u, i, 0);
+    const vec2 place = share * concentricDisk(sampler.next2D()), direction = sampler.next2D();
+    float pdf = 0.0f;
+    const vec3 towards = !sky                        ? punctual_[source.index].light.direction
+                         : source.kind == Kind::kMap ? -mapDirection(direction, pdf)
+                                                     : uniformSphere(direction);
+    const vec3 at = Basis(towards).toLocal((middle - centre_) / radius_);
+    guide.hintWide(vec4(squareOfDisk(vec2(at.x, at.y) + place), sky ? direction : vec2(0.0f)));
   }
 }
 

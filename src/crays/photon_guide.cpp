@@ -23,7 +23,8 @@ constexpr int kLookLayers = 8;        // of glass or leaves that such a ray may 
 constexpr std::size_t kMostPoints = 1u << 17;  // enough known: later photons teach nothing new
 constexpr std::size_t kFewestPoints = 32;      // before that the guide stays uniform
 constexpr std::uint32_t kLeafPoints = 16;
-constexpr int kMostCuts = 8;  // of one dimension
+constexpr int kMostCuts = 16;   // of one dimension: a room in a city of kilometres
+constexpr float kWide = 0.01f;  // moment of a wide hint; that of others is 1 on average
 
 }  // namespace
 
@@ -190,6 +191,11 @@ void EmissionGuide::hint(const vec4& primary, float weight) {
   hints_.push_back({primary, weight});
 }
 
+void EmissionGuide::hintWide(const vec4& primary) {
+  if (dimensions_ == 0 || wide_.size() >= kMostPoints) return;
+  wide_.push_back({primary, kWide});
+}
+
 double EmissionGuide::sumMoments(std::uint32_t first, std::uint32_t last) const {
   double sum = 0.0;
   for (std::uint32_t i = first; i < last; ++i) sum += static_cast<double>(points_[i].moment);
@@ -240,7 +246,8 @@ void EmissionGuide::cut(const Node& node, int axis, std::vector<Node>& open) {
 
 void EmissionGuide::update() {
   const std::size_t known = hints_.size() + learnt_.size();
-  if (known < std::max(kFewestPoints, built_ + built_ / 2)) return;
+  const bool begins = leaves_.empty() && known + wide_.size() >= kFewestPoints;
+  if (!begins && known < std::max(kFewestPoints, built_ + built_ / 2)) return;
   built_ = known;
   leaves_.clear();
   // Hints and photons tell the same, each in a unit of its own: they count by their numbers.
@@ -251,6 +258,7 @@ void EmissionGuide::update() {
     const auto unit = static_cast<float>(static_cast<double>(from->size()) / sum);
     for (const Point& p : *from) points_.push_back({p.primary, p.moment * unit});
   }
+  points_.insert(points_.end(), wide_.begin(), wide_.end());
   const auto count = static_cast<std::uint32_t>(points_.size());
   const double all = sumMoments(0, count);
   std::vector<Node> open{{0, count, vec4(0.0f), vec4(1.0f), all, {}}};

@@ -90,6 +90,10 @@ class EmissionGuide {
   /// Before any photon: a place where wanted photons would start. The sum of weights of hints in a
   /// region is in proportion to what photons would give there, value^2 / density.
   void hint(const vec4& primary, float weight);
+  /// A place that leads where light is wanted, whether or not it arrives. Spread evenly over all
+  /// such places these see to it that no photon of theirs is left to the uniform share, whose few
+  /// carry much.
+  void hintWide(const vec4& primary);
   /// Brings the density up to date, if much was learnt since the last time.
   void update();
   std::size_t leafCount() const { return leaves_.size(); }
@@ -115,7 +119,7 @@ class EmissionGuide {
   double sumMoments(std::uint32_t first, std::uint32_t last) const;
 
   int dimensions_;
-  std::vector<Point> hints_, learnt_;
+  std::vector<Point> hints_, learnt_, wide_;
   std::vector<Point> points_;  ///< all in one unit, while the tree is built
   std::size_t built_ = 0;      ///< points that the leaves know
   std::vector<Leaf> leaves_;

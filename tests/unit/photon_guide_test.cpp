@@ -126,6 +126,30 @@ TEST(PhotonGuide, FloorBehindAWindowGetsTheSamePowerWithLessNoise) {
   }
 }
 
+/// The room in a model of kilometres: photons of the uniform share, one of which may carry more
+/// than all others that come in, must not be the only ones that start where nobody has looked.
+TEST(PhotonGuide, ARoomInALargeModelIsNotLitByAFewPhotons) {
+  for (Scene scene : {underSky(), underSun(), underMap()}) {
+    for (const float x : {-1000.0f, 1000.0f}) {
+      test::place(scene,
+                  test::box(vec3(x - 1.0f, -1.0f, -1.0f), vec3(x + 1.0f, 1.0f, 1.0f), 0, false));
+    }
+    Moments power;
+    for (std::uint32_t seed = 0; seed < 6; ++seed) {
+      double floor = 0.0, largest = 0.0;
+      for (const LandedPhoton& p : shoot(scene, true, seed).landed) {
+        if (!(p.normal.y > 0.5f && std::abs(p.position.y + 2.0f) < 1e-3f)) continue;
+        floor += p.power.y;
+        largest = std::max<double>(largest, p.power.y);
+      }
+      EXPECT_GT(floor, 0.0);
+      EXPECT_LT(largest, 0.25 * floor);
+      power.add(vec3(static_cast<float>(floor)));
+    }
+    EXPECT_LT(std::sqrt(power.varianceOfMean().y * 6.0) / power.mean().y, 0.2);
+  }
+}
+
 /// Guiding inwards takes photons from the outside, not power.
 TEST(PhotonGuide, AllLandedPowerStaysTheSame) {
   const Shot plain = shoot(underSky(), false), guided = shoot(underSky(), true);
