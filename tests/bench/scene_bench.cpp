@@ -9,6 +9,7 @@
 #include "src/core/error.h"
 #include "src/core/memory.h"
 #include "src/scene/import.h"
+#include "src/scene/texels.h"
 #include "src/scene/texture.h"
 
 namespace {
@@ -23,7 +24,7 @@ nlohmann::json measureImport(const char* path) {
   const double seconds = secondsSince(start);
   std::uint64_t imageBytes = 0;
   for (const trex::Image& image : scene.images) {
-    imageBytes += image.bytes.size() + image.floats.size() * sizeof(float);
+    imageBytes += trex::wholeTexels(image).size();
   }
   const trex::Box3d bounds = scene.bounds();
   return {{"file", path},
