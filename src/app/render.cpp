@@ -223,7 +223,7 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
   c->add_option("--max-memory", a->maxMemory, "Memory this process may use, such as 8G [all]");
   c->add_option("--texture-memory", a->textureMemory,
                 "Memory for textures, such as 1G; those that don't fit are read from disk in tiles "
-                "[half of --max-memory, else all]");
+                "[half of what --max-memory leaves beside the program, else all]");
   c->add_option("--cache", a->cache,
                 "Memory for pages of a streamed bundle, such as 2G [what --max-memory leaves]");
   c->add_option(

@@ -47,7 +47,7 @@ void checkMesh(const Mesh& mesh, const std::string& where) {
 std::shared_ptr<const std::span<const std::byte>> packImage(const Image& image) {
   if (image.paged) return image.paged->packed();
   using Bytes = std::span<const std::byte>;
-  const auto made = std::make_shared<const std::vector<std::byte>>(packTiles(image, kLevel));
+  const auto made = std::make_shared<const std::vector<std::byte>>(packTiles(image));
   return {new Bytes(*made), [made](const Bytes* view) { delete view; }};
 }
 

@@ -15,6 +15,7 @@
 namespace trex {
 namespace {
 
+constexpr int kLevel = 3;  // zstd; higher ones gain a few percent and cost seconds
 constexpr std::size_t kHeadBytes = 40, kEntryBytes = 16;
 
 std::uint64_t hashOf(std::span<const std::byte> bytes) {
@@ -79,7 +80,7 @@ TileGrid::TileGrid(const Image& size, TexelKind of)
       across((static_cast<std::uint32_t>(size.width) + kTileWidth - 1) / kTileWidth),
       down((static_cast<std::uint32_t>(size.height) + rows - 1) / rows) {}
 
-std::vector<std::byte> packTiles(const Image& image, int level) {
+std::vector<std::byte> packTiles(const Image& image) {
   const TileGrid grid(image, texelKind(image));
   const std::unique_ptr<ZSTD_CCtx, FreeContext> zstd(ZSTD_createCCtx());
   if (!zstd) throw std::bad_alloc();
@@ -93,7 +94,7 @@ std::vector<std::byte> packTiles(const Image& image, int level) {
       cut(image, grid, column, row, plain);
       takeDifferences(plain, kTileWidth * grid.texel);
       const std::size_t size = ZSTD_compressCCtx(zstd.get(), packed.data(), packed.size(),
-                                                 plain.data(), plain.size(), level);
+                                                 plain.data(), plain.size(), kLevel);
       if (ZSTD_isError(size)) {
         fail(ExitCode::kFailed, "{}: can't be compressed: {}", image.name, ZSTD_getErrorName(size));
       }

@@ -61,8 +61,8 @@ struct TileTable {
   std::vector<PackedTile> tiles;
 };
 
-/// All of an image that is whole in memory. `level`: of zstd. Throws Error(kFailed) if zstd does.
-std::vector<std::byte> packTiles(const Image& image, int level);
+/// All of an image that is whole in memory. Throws Error(kFailed) if zstd does.
+std::vector<std::byte> packTiles(const Image& image);
 
 /// Reads and checks the table of an image at `offset` of a file, that takes `bytes` there.
 TileTable readTileTable(const TexelFile& file, std::uint64_t offset, std::uint64_t bytes,

@@ -14,9 +14,6 @@
 namespace trex {
 namespace {
 
-/// zstd's fastest: what is put aside is written once, and read soon.
-constexpr int kAsideLevel = 1;
-
 std::uint32_t wordAt(const std::uint32_t* words, std::uint32_t index) {
   return std::atomic_ref(const_cast<std::uint32_t&>(words[index])).load(std::memory_order_relaxed);
 }
@@ -153,7 +150,7 @@ void TextureCache::admit(std::vector<Image>& images) {
 void TextureCache::putAside(Image& image) {
   if (!aside_) aside_ = std::make_shared<detail::TemporaryTexels>(folder_);
   const TexelKind kind = texelKind(image);
-  const std::vector<std::byte> packed = packTiles(image, kAsideLevel);
+  const std::vector<std::byte> packed = packTiles(image);
   const std::uint64_t offset = aside_->append(packed);
   std::vector<std::uint8_t>().swap(image.bytes);
   std::vector<std::uint16_t>().swap(image.words);

@@ -26,7 +26,8 @@ constexpr std::uint64_t kMeshBytesATriangle = 12;   // clusters and their hierar
 constexpr std::uint64_t kPlacedBytes = 24;          // a placed triangle while voxels are built
 constexpr std::uint64_t kVoxelCopies = 6;           // built; kept, on the device, flux and light
 constexpr std::uint64_t kFewestVoxelBytes = 4u << 20;
-constexpr std::uint64_t kDeviceBytes = 96u << 20;  // driver, compiled shaders, batches of cones
+constexpr std::uint64_t kProgramBytes = 128u << 20;  // with the libraries that read images
+constexpr std::uint64_t kDeviceBytes = 96u << 20;    // driver, compiled shaders, batches of cones
 
 std::uint64_t allowedBytes(const RenderSettings& settings) {
   const std::uint64_t all = availableMemoryLimit();
@@ -100,9 +101,12 @@ void checkSynthFits(const std::string& name, const RenderSettings& settings) {
 
 std::shared_ptr<TextureCache> textureCacheFor(const RenderSettings& settings,
                                               const std::filesystem::path& folder) {
-  const std::uint64_t limit =
-      settings.textureMemory > 0 ? settings.textureMemory : settings.maxMemory / 2;
-  if (limit == 0) return nullptr;
+  std::uint64_t limit = settings.textureMemory;
+  if (limit == 0 && settings.maxMemory == 0) return nullptr;
+  if (limit == 0) {
+    const std::uint64_t left = std::max(settings.maxMemory, kProgramBytes) - kProgramBytes;
+    limit = std::max(left / 2, settings.maxMemory / 8);
+  }
   return std::make_shared<TextureCache>(limit, settings.maxMemory, folder);
 }
 

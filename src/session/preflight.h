@@ -25,7 +25,8 @@ struct Preflight {
   std::uint64_t voxelBytes = 0;  ///< limit of the voxels' arrays with light; 0: none are built
 };
 
-/// What images keep to by the settings: null if nothing limits them. Of --max-memory it is half.
+/// What images keep to by the settings: null if nothing limits them. Of --max-memory it is half,
+/// without what the program itself takes.
 /// `folder`: for what does not fit.
 std::shared_ptr<TextureCache> textureCacheFor(const RenderSettings& settings,
                                               const std::filesystem::path& folder);

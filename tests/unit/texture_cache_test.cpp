@@ -206,7 +206,7 @@ TEST_F(Textures, ThatCannotKeepToTheLimitSaySo) {
 
 TEST_F(Textures, ThatAreDamagedAreNeverShown) {
   const Image whole = noise(200, 300, 3, TexelKind::kByte, 8);
-  const std::vector<std::byte> good = packTiles(whole, 3);
+  const std::vector<std::byte> good = packTiles(whole);
   std::mt19937 random(4);
   for (int i = 0; i < 300; ++i) {
     const auto file = std::make_shared<PackedInMemory>(good);
