@@ -1,6 +1,7 @@
 #include "src/scene/texel_tiles.h"
 
 #define XXH_INLINE_ALL
+#include <tbb/parallel_for.h>
 #include <xxhash.h>
 #include <zstd.h>
 
@@ -71,6 +72,30 @@ void addDifferences(std::span<std::byte> texels, std::size_t row) {
   }
 }
 
+/// The tiles of a row; their entries go into the table.
+std::vector<std::byte> packRow(const Image& image, const TileGrid& grid, std::uint32_t row,
+                               std::vector<std::byte>& table) {
+  const std::unique_ptr<ZSTD_CCtx, FreeContext> zstd(ZSTD_createCCtx());
+  if (!zstd) throw std::bad_alloc();
+  std::vector<std::byte> out, plain(grid.bytes()), packed(ZSTD_compressBound(grid.bytes()));
+  std::size_t entry = kHeadBytes + std::size_t{row} * grid.across * kEntryBytes;
+  for (std::uint32_t column = 0; column < grid.across; ++column, entry += kEntryBytes) {
+    cut(image, grid, column, row, plain);
+    takeDifferences(plain, kTileWidth * grid.texel);
+    const std::size_t size = ZSTD_compressCCtx(zstd.get(), packed.data(), packed.size(),
+                                               plain.data(), plain.size(), kLevel);
+    if (ZSTD_isError(size)) {
+      fail(ExitCode::kFailed, "{}: can't be compressed: {}", image.name, ZSTD_getErrorName(size));
+    }
+    const auto kept = size < plain.size() ? std::span<const std::byte>(packed).first(size)
+                                          : std::span<const std::byte>(plain);
+    put(table, entry, hashOf(kept));
+    put(table, entry + 8, static_cast<std::uint32_t>(kept.size()));
+    out.insert(out.end(), kept.begin(), kept.end());
+  }
+  return out;
+}
+
 }  // namespace
 
 TileGrid::TileGrid(const Image& size, TexelKind of)
@@ -82,30 +107,15 @@ TileGrid::TileGrid(const Image& size, TexelKind of)
 
 std::vector<std::byte> packTiles(const Image& image) {
   const TileGrid grid(image, texelKind(image));
-  const std::unique_ptr<ZSTD_CCtx, FreeContext> zstd(ZSTD_createCCtx());
-  if (!zstd) throw std::bad_alloc();
   std::vector<std::byte> out(kHeadBytes + grid.count() * kEntryBytes);
-  std::vector<std::byte> plain(grid.bytes()), packed(ZSTD_compressBound(grid.bytes()));
-  put(out, 8, textureMean(image, false));
-  put(out, 24, textureMean(image, true));
-  std::size_t entry = kHeadBytes;
-  for (std::uint32_t row = 0; row < grid.down; ++row) {
-    for (std::uint32_t column = 0; column < grid.across; ++column, entry += kEntryBytes) {
-      cut(image, grid, column, row, plain);
-      takeDifferences(plain, kTileWidth * grid.texel);
-      const std::size_t size = ZSTD_compressCCtx(zstd.get(), packed.data(), packed.size(),
-                                                 plain.data(), plain.size(), kLevel);
-      if (ZSTD_isError(size)) {
-        fail(ExitCode::kFailed, "{}: can't be compressed: {}", image.name, ZSTD_getErrorName(size));
-      }
-      const auto kept = size < plain.size() ? std::span<const std::byte>(packed).first(size)
-                                            : std::span<const std::byte>(plain);
-      put(out, entry, hashOf(kept));
-      put(out, entry + 8, static_cast<std::uint32_t>(kept.size()));
-      out.insert(out.end(), kept.begin(), kept.end());
-    }
-  }
-  put(out, 0, hashOf(std::span<const std::byte>(out).subspan(8, entry - 8)));
+  std::vector<std::vector<std::byte>> rows(grid.down);
+  // Means are sums in the order of the texels, as textureMean() has them: a thread each.
+  tbb::parallel_for(0u, grid.down + 2, [&](std::uint32_t i) {
+    if (i < 2) return put(out, 8 + 16 * i, textureMean(image, i == 1));
+    rows[i - 2] = packRow(image, grid, i - 2, out);
+  });
+  put(out, 0, hashOf(std::span<const std::byte>(out).subspan(8)));
+  for (const std::vector<std::byte>& row : rows) out.insert(out.end(), row.begin(), row.end());
   return out;
 }
 
@@ -130,14 +140,15 @@ TileTable readTileTable(const TexelFile& file, std::uint64_t offset, std::uint64
   std::uint64_t at = offset + head;
   for (std::uint64_t i = 0; i < grid.count(); ++i) {
     const std::size_t entry = kHeadBytes + i * kEntryBytes;
-    const PackedTile tile{at, valueAt<std::uint64_t>(table, entry),
-                          valueAt<std::uint32_t>(table, entry + 8)};
-    if (tile.bytes == 0 || tile.bytes > grid.bytes() ||
-        valueAt<std::uint32_t>(table, entry + 12) != 0) {
-      file.bad(offset + entry, fmt::format("tile {} can't have {} bytes", i, tile.bytes));
+    const auto size = valueAt<std::uint32_t>(table, entry + 8);
+    if (size == 0 || size > grid.bytes() || valueAt<std::uint32_t>(table, entry + 12) != 0) {
+      file.bad(offset + entry, fmt::format("tile {} can't have {} bytes", i, size));
     }
-    out.tiles.push_back(tile);
-    at += tile.bytes;
+    PackedTile& tile = out.tiles.emplace_back();
+    tile.offset = at & ((std::uint64_t{1} << 51) - 1);
+    tile.bytes = size & 0x1fffu;
+    tile.hash = valueAt<std::uint64_t>(table, entry);
+    at += size;
   }
   if (at != offset + bytes) {
     file.bad(offset,

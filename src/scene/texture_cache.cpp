@@ -198,6 +198,7 @@ void TextureCache::shrinkTo(std::uint64_t slots) {
   for (std::uint64_t i = mostSlots_; i < owners_.size(); ++i) {
     if (owners_[i] != nullptr) owners_[i]->place.store(0);
   }
+  std::erase_if(free_, [&](std::uint64_t slot) { return slot >= mostSlots_; });
   ::madvise(slotAt(mostSlots_), (owners_.size() - mostSlots_) * kTileBytes, MADV_DONTNEED);
   owners_.resize(mostSlots_);
   hand_ = 0;
@@ -247,22 +248,26 @@ void TextureCache::insert(PagedTexels::Tile& tile, const TileWords& words) {
   tile.place.store(std::uint64_t{++generation_} << 32 | (slot + 1), std::memory_order_release);
 }
 
-/// A slot that no tile is in: a new one, or of the first that was not used since the hand passed.
+/// A slot that no tile is in: a new one, or that of the first that was not used since the hand
+/// passed.
 std::uint64_t TextureCache::freeSlot() {
   if (owners_.size() < mostSlots_) {
     owners_.push_back(nullptr);
     statistics_.peakBytes = std::max(statistics_.peakBytes, bytesNow());
     return owners_.size() - 1;
   }
+  if (!free_.empty()) {
+    const std::uint64_t slot = free_.back();
+    free_.pop_back();
+    return slot;
+  }
   for (;; ++hand_) {
     if (hand_ >= owners_.size()) hand_ = 0;
-    if (owners_[hand_] == nullptr || used_[hand_].exchange(0) == 0) break;
+    if (used_[hand_].exchange(0) == 0) break;
   }
   const std::uint64_t slot = hand_++;
-  if (owners_[slot] != nullptr) {
-    owners_[slot]->place.store(0, std::memory_order_relaxed);
-    ++statistics_.evictions;
-  }
+  owners_[slot]->place.store(0, std::memory_order_relaxed);
+  ++statistics_.evictions;
   return slot;
 }
 
@@ -271,7 +276,10 @@ void TextureCache::forget(const PagedTexels::Tile* begin, const PagedTexels::Til
   const std::lock_guard lock(mutex_);
   for (const PagedTexels::Tile* tile = begin; tile != end; ++tile) {
     const std::uint64_t place = tile->place.load(std::memory_order_relaxed);
-    if (place != 0) owners_[(place & 0xffffffffu) - 1] = nullptr;
+    if (place == 0) continue;
+    const std::uint64_t slot = (place & 0xffffffffu) - 1;
+    owners_[slot] = nullptr;
+    free_.push_back(slot);
   }
 }
 

@@ -144,6 +144,7 @@ class TextureCache : public std::enable_shared_from_this<TextureCache> {
   mutable std::mutex mutex_;  ///< of what follows
   std::uint64_t mostSlots_ = 0, fixed_ = 0;
   std::vector<PagedTexels::Tile*> owners_;  ///< by slot in use; null: free
+  std::vector<std::uint64_t> free_;         ///< of these
   std::size_t hand_ = 0;
   std::uint32_t generation_ = 0;  ///< of the slot that was filled last
   Statistics statistics_;

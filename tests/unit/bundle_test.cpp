@@ -126,13 +126,13 @@ TEST_F(BundleTest, KeepsEveryNumber) {
 std::vector<std::uint8_t> bytesOfTiles(std::span<const std::byte> section, int width, int height,
                                        int channels) {
   std::vector<std::uint8_t> out(static_cast<std::size_t>(width * height * channels));
-  const int rows = 16384 / (64 * channels);
-  const int across = (width + 63) / 64, down = (height + rows - 1) / rows;
+  const int rows = 4096 / (32 * channels);
+  const int across = (width + 31) / 32, down = (height + rows - 1) / rows;
   std::size_t at = 40 + 16 * static_cast<std::size_t>(across * down);
   for (int tile = 0; tile < across * down; ++tile) {
     std::uint32_t length = 0;
     std::memcpy(&length, &section[40 + 16 * static_cast<std::size_t>(tile) + 8], 4);
-    std::vector<std::uint8_t> texels(static_cast<std::size_t>(64 * rows * channels));
+    std::vector<std::uint8_t> texels(static_cast<std::size_t>(32 * rows * channels));
     if (length == texels.size()) {
       std::memcpy(texels.data(), &section[at], length);
     } else {
@@ -140,14 +140,14 @@ std::vector<std::uint8_t> bytesOfTiles(std::span<const std::byte> section, int w
     }
     at += length;
     for (int y = 0; y < rows; ++y) {
-      for (int x = 0; x < 64 * channels; ++x) {
-        const int i = y * 64 * channels + x;
+      for (int x = 0; x < 32 * channels; ++x) {
+        const int i = y * 32 * channels + x;
         if (y > 0) {
           texels[static_cast<std::size_t>(i)] =
               static_cast<std::uint8_t>(texels[static_cast<std::size_t>(i)] +
-                                        texels[static_cast<std::size_t>(i - 64 * channels)]);
+                                        texels[static_cast<std::size_t>(i - 32 * channels)]);
         }
-        const int row = tile / across * rows + y, byte = tile % across * 64 * channels + x;
+        const int row = tile / across * rows + y, byte = tile % across * 32 * channels + x;
         if (row >= height || byte >= width * channels) continue;
         out[static_cast<std::size_t>(row * width * channels + byte)] =
             texels[static_cast<std::size_t>(i)];
