@@ -3,18 +3,22 @@ import os, random, struct, zlib
 
 
 def png(path, side, seed, bits=8):
-    """Blotches of colour, no two rows alike; `side` is a power of two of at least 256."""
+    """Colours that wander from texel to texel and from row to row, about as hard to pack as photographs."""
     def chunk(name, data):
         return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
     generator = random.Random(seed)
-    step = 3 * bits // 8
-    blotch = [bytes(generator.randbytes(step)) * 16 for _ in range(64)]
-    row = b"".join(blotch[generator.randrange(64)] for _ in range(side // 16))
-    packer = zlib.compressobj(1)
+    row, at = bytearray(), [generator.randrange(240) for _ in range(3)]
+    for _ in range(side):
+        at = [min(max(c + generator.randrange(-4, 5), 0), 240) for c in at]
+        row += bytes(at if bits == 8 else [c for v in at for c in (v, generator.randrange(240))])
+    step, row = 3 * bits // 8, bytes(row)
+    packer, grain = zlib.compressobj(1), int.from_bytes(b"\7" * len(row), "little")
     data = b""
     for y in range(side):
-        turn = (y // 8 * 5 + seed) % side * step
-        data += packer.compress(b"\0" + row[turn:] + row[:turn])
+        turn = y * step
+        shifted = int.from_bytes(row[turn:] + row[:turn], "little")
+        noise = int.from_bytes(generator.randbytes(len(row)), "little") & grain
+        data += packer.compress(b"\0" + (shifted + noise).to_bytes(len(row), "little"))
     with open(path, "wb") as f:
         f.write(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">2I5B", side, side, bits, 2, 0, 0, 0)) +
                 chunk(b"IDAT", data + packer.flush()) + chunk(b"IEND", b""))
