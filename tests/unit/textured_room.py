@@ -3,7 +3,7 @@ import os, random, struct, zlib
 
 
 def png(path, side, seed, bits=8):
-    """Colours that wander from texel to texel and from row to row, about as hard to pack as photographs."""
+    """Colours that wander from texel to texel and from row to row, a little harder to pack than photographs."""
     def chunk(name, data):
         return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
     generator = random.Random(seed)
