@@ -95,6 +95,13 @@ std::uint64_t maxMemoryOf(const BakeArguments& a) {
   return a.maxMemory.empty() ? 0 : parseBytes(a.maxMemory);
 }
 
+/// What does not fit is put aside beside the bundle.
+std::shared_ptr<TextureCache> texturesOf(const BakeArguments& a) {
+  RenderSettings settings;
+  settings.maxMemory = maxMemoryOf(a);
+  return textureCacheFor(settings, fs::absolute(a.output).parent_path());
+}
+
 std::vector<VolumeRequest> volumesOf(const BakeArguments& a) {
   std::vector<VolumeRequest> out;
   for (const std::string& v : a.volumes) out.push_back(parseVolume(v));
@@ -153,6 +160,7 @@ Scene import(const BakeArguments& a, std::vector<SourceFile>& files) {
   options.environmentGiven = !a.environment.empty();
   options.volumes = volumesOf(a);
   options.maxMemory = maxMemoryOf(a);
+  options.textures = texturesOf(a);
   Scene scene = importScene(a.input, options);
   files = scene.files;
   if (a.environment.empty()) return scene;
@@ -279,6 +287,7 @@ void bakeStreamed(const BakeArguments& a) {
   import.environmentGiven = !a.environment.empty();
   import.maxMemory = maxMemoryOf(a);
   import.scratch = fs::absolute(a.output).parent_path();
+  import.textures = texturesOf(a);
   Scene volumes;
   addVolumes(volumes, volumesOf(a), import.maxMemory);
   std::unique_ptr<TriangleStream> stream = openTriangleStream(a.input, import);

@@ -15,6 +15,8 @@
 #include "src/core/error.h"
 #include "src/core/memory.h"
 #include "src/scene/synth.h"
+#include "src/scene/texels.h"
+#include "src/scene/texture_cache.h"
 
 namespace trex {
 namespace {
@@ -115,7 +117,7 @@ void addScene(Json& out, const Scene& scene) {
                       {"width", i.width},
                       {"height", i.height},
                       {"channels", i.channels},
-                      {"format", i.bytes.empty() ? "f32" : "u8"}});
+                      {"format", bundle::kTexelKeys[static_cast<std::size_t>(texelKind(i))]}});
   }
   out["images"] = images;
   out["lights"] = names(scene.lights);
@@ -201,10 +203,15 @@ Json describeBundle(const fs::path& path, const std::shared_ptr<const Bytes>& by
                     bool strict) {
   const bundle::Container container(*bytes, path.string());
   if (verify) container.verify();
-  BundleContents contents = readBundle(*bytes, bytes, path.string());
   constexpr std::uint64_t kCache = 64 * (std::uint64_t{16} << 20);  // any 64 pages
+  BundleReadOptions read;
+  read.textures = std::make_shared<TextureCache>(kCache, 0, fs::temp_directory_path());
+  BundleContents contents = readBundle(*bytes, bytes, path.string(), read);
   if (contents.pageTable) attachPages(contents, kCache);
   if (verify && contents.parts.paged) verifyPages(*contents.parts.paged);
+  if (verify) {
+    for (const Image& image : contents.description.scene.images) inMemory(image);
+  }
   const bundle::Description d = std::move(contents.description);
   if (strict) refuseReplaced(d.scene);
   Json out = {{"kind", "bundle"},
@@ -218,7 +225,7 @@ Json describeBundle(const fs::path& path, const std::shared_ptr<const Bytes>& by
               {"pages", container.pageCount()}};
   std::uint64_t textures = 0, scene = 0;
   for (const bundle::Section& s : container.sections()) {
-    if (s.name.ends_with(".zst")) textures += s.bytes;
+    if (s.name.ends_with(".tiles") || s.name.ends_with(".zst")) textures += s.bytes;
     if (s.name == "scene.json") scene = s.bytes;
   }
   const RayScene rays(d.scene, std::move(contents.parts));

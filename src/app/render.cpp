@@ -118,6 +118,9 @@ int render(RenderArguments& a) {
   open.import = a.import;
   for (const std::string& v : a.volumes) open.import.volumes.push_back(parseVolume(v));
   open.import.maxMemory = a.settings.maxMemory;
+  // Beside the picture there is room for what does not fit.
+  open.import.textures =
+      textureCacheFor(a.settings, std::filesystem::absolute(a.output).parent_path());
   open.model.voxels = a.settings.exact < 1.0;
   open.model.voxelDepth = voxelDepthFor(std::uint64_t{a.settings.width} * a.settings.height);
   std::vector<View> views;
@@ -218,6 +221,9 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
   c->add_option("--seed", a->settings.seed, "Seed of all random numbers")->capture_default_str();
   c->add_option("--threads", a->threads, "CPU threads [all]")->check(CLI::Range(1, 4096));
   c->add_option("--max-memory", a->maxMemory, "Memory this process may use, such as 8G [all]");
+  c->add_option("--texture-memory", a->textureMemory,
+                "Memory for textures, such as 1G; those that don't fit are read from disk in tiles "
+                "[half of what --max-memory leaves beside the program, else all]");
   c->add_option("--cache", a->cache,
                 "Memory for pages of a streamed bundle, such as 2G [what --max-memory leaves]");
   c->add_option(

@@ -64,6 +64,8 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
       {"exact_paths", r.rays.exactPaths},
       {"mesh_bytes", r.mesh.meshBytes},
       {"top_level_bytes", r.mesh.topLevelBytes},
+      {"texture_bytes", r.textures.texelBytes},
+      {"texture_peak_bytes", r.textures.peakBytes},
       {"voxels", r.voxels},
       {"voxel_depth", r.voxelDepth},
       {"voxel_bytes", r.voxelBytes},
@@ -79,6 +81,12 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
     out["voxel_page_loads"] = r.gRays.pageLoads;
     out["voxel_page_evictions"] = r.gRays.pageEvictions;
     out["voxel_missed_reads"] = r.gRays.missedReads;
+  }
+  if (r.textures.pagedImages > 0) {
+    out["paged_images"] = r.textures.pagedImages;
+    out["texture_loads"] = r.textures.loads;
+    out["texture_evictions"] = r.textures.evictions;
+    out["texture_bytes_read"] = r.textures.bytesRead;
   }
   if (r.mesh.pages == 0) return out;
   out["pages"] = r.mesh.pages;

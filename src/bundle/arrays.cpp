@@ -5,16 +5,13 @@
 #include <cstring>
 
 #include "src/core/error.h"
+#include "src/scene/texels.h"
+#include "src/scene/texture_cache.h"
 
 namespace trex::bundle {
 namespace {
 
 constexpr int kLevel = 3;  // zstd; higher ones gain a few percent and cost seconds
-
-std::span<const std::byte> texelsOf(const Image& image) {
-  return image.bytes.empty() ? std::as_bytes(std::span(image.floats))
-                             : std::as_bytes(std::span(image.bytes));
-}
 
 template <typename T>
 void append(std::vector<std::byte>& out, const std::vector<T>& array) {
@@ -47,43 +44,37 @@ void checkMesh(const Mesh& mesh, const std::string& where) {
 
 }  // namespace
 
-std::uint64_t texelBytes(const Image& image, bool isFloat) {
-  return std::uint64_t(image.width) * std::uint64_t(image.height) * std::uint64_t(image.channels) *
-         (isFloat ? sizeof(float) : 1);
+std::shared_ptr<const std::span<const std::byte>> packImage(const Image& image) {
+  if (image.paged) return image.paged->packed();
+  using Bytes = std::span<const std::byte>;
+  const auto made = std::make_shared<const std::vector<std::byte>>(packTiles(image));
+  return {new Bytes(*made), [made](const Bytes* view) { delete view; }};
 }
 
-std::vector<std::byte> packTexels(const Image& image) {
-  const auto texels = texelsOf(image);
+std::vector<std::byte> packMap(const Image& map) {
+  const auto texels = std::as_bytes(std::span(map.floats));
   std::vector<std::byte> out(ZSTD_compressBound(texels.size()));
   const std::size_t size =
       ZSTD_compress(out.data(), out.size(), texels.data(), texels.size(), kLevel);
   if (ZSTD_isError(size)) {
-    fail(ExitCode::kFailed, "{}: can't be compressed: {}", image.name, ZSTD_getErrorName(size));
+    fail(ExitCode::kFailed, "{}: can't be compressed: {}", map.name, ZSTD_getErrorName(size));
   }
   out.resize(size);
   return out;
 }
 
-void unpackTexels(std::span<const std::byte> frame, bool isFloat, const std::string& where,
-                  Image& image) {
-  const std::uint64_t bytes = texelBytes(image, isFloat);
+void unpackMap(std::span<const std::byte> frame, const std::string& where, Image& map) {
+  const std::uint64_t bytes = texelBytes(map, TexelKind::kFloat);
   if (ZSTD_getFrameContentSize(frame.data(), frame.size()) != bytes) {
     fail(ExitCode::kInput, "{}: does not hold the {} bytes of its image; bake again", where, bytes);
   }
-  void* out;
-  if (isFloat) {
-    image.floats.resize(bytes / sizeof(float));
-    out = image.floats.data();
-  } else {
-    image.bytes.resize(bytes);
-    out = image.bytes.data();
-  }
-  const std::size_t got = ZSTD_decompress(out, bytes, frame.data(), frame.size());
+  map.floats.resize(bytes / sizeof(float));
+  const std::size_t got = ZSTD_decompress(map.floats.data(), bytes, frame.data(), frame.size());
   if (ZSTD_isError(got) || got != bytes) {
     fail(ExitCode::kInput, "{}: texels can't be read: {}; bake again", where,
          ZSTD_isError(got) ? ZSTD_getErrorName(got) : "too few");
   }
-  for (const float f : image.floats) {
+  for (const float f : map.floats) {
     if (!std::isfinite(f)) {
       fail(ExitCode::kInput, "{}: has a texel that is not finite; bake again", where);
     }

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstddef>
+#include <memory>
 #include <span>
 #include <string>
 #include <vector>
@@ -10,15 +11,15 @@
 
 namespace trex::bundle {
 
-/// Texels as one zstd frame. Throws Error(kFailed) if zstd does.
-std::vector<std::byte> packTexels(const Image& image);
+/// An image as tiles (FORMAT.md). Throws Error(kFailed) if zstd does.
+std::shared_ptr<const std::span<const std::byte>> packImage(const Image& image);
 
-/// Fills the texels of an image whose sizes are set. Throws Error(kInput) that starts with `where`
-/// if the frame does not hold exactly these, or a float is not finite.
-void unpackTexels(std::span<const std::byte> frame, bool isFloat, const std::string& where,
-                  Image& image);
+/// The floats of a map as one zstd frame. Throws Error(kFailed) if zstd does.
+std::vector<std::byte> packMap(const Image& map);
 
-std::uint64_t texelBytes(const Image& image, bool isFloat);
+/// Fills the floats of a map whose sizes are set. Throws Error(kInput) that starts with `where` if
+/// the frame does not hold exactly these, or one is not finite.
+void unpackMap(std::span<const std::byte> frame, const std::string& where, Image& map);
 
 /// Positions and triangles of the meshes that emit, one after the other.
 std::vector<std::byte> packEmitters(const Description& description,

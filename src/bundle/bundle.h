@@ -36,7 +36,9 @@ struct BundleContents {
 struct BundleReadOptions {
   bool voxels = true;               ///< read them if they are there
   std::uint64_t maxImageBytes = 0;  ///< of all texels together; 0: what the machine has
-  std::filesystem::path file;       ///< read pages from it; empty: from the bytes
+  /// That images keep to; null: all of them are in memory.
+  std::shared_ptr<TextureCache> textures{};
+  std::filesystem::path file;  ///< read pages and tiles from it; empty: from the bytes
 };
 
 /// Reads a bundle's bytes; reads no other file. They must start at a multiple of 8 and not change

@@ -14,7 +14,7 @@
 
 namespace trex::bundle {
 
-inline constexpr int kSceneVersion = 2;
+inline constexpr int kSceneVersion = 3;
 /// Of Material::textures().
 inline constexpr std::array<const char*, Material::kTextures> kTextureKeys = {
     "base_color_texture",       "metallic_roughness_texture", "normal_texture",
@@ -22,6 +22,9 @@ inline constexpr std::array<const char*, Material::kTextures> kTextureKeys = {
     "specular_color_texture",   "clearcoat_texture",          "clearcoat_roughness_texture",
     "clearcoat_normal_texture", "sheen_color_texture",        "sheen_roughness_texture",
     "anisotropy_texture",       "iridescence_texture",        "iridescence_thickness_texture"};
+
+/// By TexelKind.
+inline constexpr std::array<const char*, 5> kTexelKeys = {"u8", "u16", "srgb16", "f16", "f32"};
 
 /// A file that the bundle was baked from.
 struct BakedFile {
@@ -43,7 +46,7 @@ struct Description {
   dvec3 renderOrigin{0.0};
   std::uint32_t sharedMeshes = 0;
   std::vector<RayScene::Parts::Placed> placed;
-  std::vector<bool> floatImages;      ///< by image: 32-bit floats instead of bytes
+  std::vector<TexelKind> imageKinds;  ///< by image
   std::vector<EmitterSize> emitters;  ///< meshes whose arrays are kept
   int precisionBits = 24;
   int voxelDepth = 0;  ///< asked for; 0: no voxels

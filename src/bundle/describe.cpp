@@ -1,6 +1,7 @@
 #include "src/bundle/describe.h"
 
 #include "src/core/version.h"
+#include "src/scene/texels.h"
 
 namespace trex::bundle {
 namespace {
@@ -40,7 +41,7 @@ Description describe(const Scene& scene, const MadeParts& parts, const BakeFacts
     size.name = withoutFolder(image.name, folder);
     size.width = image.width, size.height = image.height, size.channels = image.channels;
     d.scene.images.push_back(std::move(size));
-    d.floatImages.push_back(image.bytes.empty());
+    d.imageKinds.push_back(texelKind(image));
   }
   for (std::size_t i = 0; i < scene.meshes.size(); ++i) {
     const Mesh& from = scene.meshes[i];

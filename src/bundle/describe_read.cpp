@@ -45,14 +45,15 @@ Material readMaterial(const JsonObject& o, std::size_t images) {
   return m;
 }
 
-Image readImage(const JsonObject& o, bool& isFloat) {
+Image readImage(const JsonObject& o, TexelKind& kind) {
   o.allow({"name", "width", "height", "channels", "format"});
   Image image;
   image.name = o.text("name");
   image.width = static_cast<int>(o.integer("width", 1, kMaxImageSide));
   image.height = static_cast<int>(o.integer("height", 1, kMaxImageSide));
   image.channels = static_cast<int>(o.integer("channels", 1, 4));
-  isFloat = o.oneOf("format", {"u8", "f32"}) == 1;
+  kind = static_cast<TexelKind>(o.oneOf(
+      "format", {kTexelKeys[0], kTexelKeys[1], kTexelKeys[2], kTexelKeys[3], kTexelKeys[4]}));
   if (std::uint64_t(image.width) * std::uint64_t(image.height) > kMaxTexels) {
     o.bad("height", "the image has more than {} texels", kMaxTexels);
   }
@@ -65,11 +66,11 @@ Environment readEnvironment(const JsonObject& o) {
   environment.color = jsonVector(o, "color", 0.0f);
   if (o.has("rotation")) environment.rotation = o.real("rotation", -1e4f, 1e4f);
   if (!o.has("map")) return environment;
-  bool isFloat = false;
+  TexelKind kind{};
   const JsonObject size = o.object("map");
-  auto map = std::make_shared<Image>(readImage(size, isFloat));
+  auto map = std::make_shared<Image>(readImage(size, kind));
   if (map->channels != 3) size.bad("channels", "must be 3");
-  if (!isFloat) size.bad("format", "must be f32");
+  if (kind != TexelKind::kFloat) size.bad("format", "must be f32");
   environment.map = std::move(map);
   return environment;
 }
@@ -199,9 +200,9 @@ void readScene(const JsonObject& root, Description& d) {
         static_cast<std::uint32_t>(root.integer("max_bounces", 0, Scene::kAnyBounces - 1));
   }
   forEach(root, "images", [&](const JsonObject& o) {
-    bool isFloat = false;
-    s.images.push_back(readImage(o, isFloat));
-    d.floatImages.push_back(isFloat);
+    TexelKind kind{};
+    s.images.push_back(readImage(o, kind));
+    d.imageKinds.push_back(kind);
   });
   forEach(root, "materials",
           [&](const JsonObject& o) { s.materials.push_back(readMaterial(o, s.images.size())); });

@@ -80,12 +80,12 @@ Json toJson(const Medium& m) {
           {"emission", jsonList(m.emission)}};
 }
 
-Json size(const Image& image, bool isFloat) {
+Json size(const Image& image, TexelKind kind) {
   return {{"name", image.name},
           {"width", image.width},
           {"height", image.height},
           {"channels", image.channels},
-          {"format", isFloat ? "f32" : "u8"}};
+          {"format", kTexelKeys[static_cast<std::size_t>(kind)]}};
 }
 
 Json meshes(const Description& d) {
@@ -102,7 +102,7 @@ Json meshes(const Description& d) {
 
 Json toJson(const Environment& environment) {
   Json out = {{"color", jsonList(environment.color)}};
-  if (environment.map) out["map"] = size(*environment.map, true);
+  if (environment.map) out["map"] = size(*environment.map, TexelKind::kFloat);
   if (environment.rotation != 0.0f) out["rotation"] = double{environment.rotation};
   return out;
 }
@@ -113,7 +113,7 @@ std::string writeDescription(const Description& d) {
   const Scene& scene = d.scene;
   Json images = Json::array();
   for (std::size_t i = 0; i < scene.images.size(); ++i) {
-    images.push_back(size(scene.images[i], d.floatImages[i]));
+    images.push_back(size(scene.images[i], d.imageKinds[i]));
   }
   const auto plain = [](const auto& item) { return toJson(item); };
   Json out = {{"trex", kSceneVersion},

@@ -17,6 +17,8 @@
 #include "src/core/error.h"
 #include "src/core/log.h"
 #include "src/core/memory.h"
+#include "src/scene/texels.h"
+#include "src/scene/texture_cache.h"
 
 namespace trex {
 namespace {
@@ -40,28 +42,55 @@ hccm::Mesh readMesh(const Container& container, const std::string& section,
   }
 }
 
-void readImages(const Container& container, bundle::Description& d, std::uint64_t limit) {
+/// Where the packed texels lie, at offsets in the file.
+std::shared_ptr<const TexelFile> texelFile(Bytes bytes, const std::shared_ptr<const void>& owner,
+                                           const std::string& name,
+                                           const BundleReadOptions& options) {
+  if (!options.file.empty()) {
+    return std::make_shared<bundle::BundleTexels>(
+        std::make_unique<bundle::FilePages>(options.file, 0));
+  }
+  return std::make_shared<bundle::BundleTexels>(
+      std::make_unique<bundle::MemoryPages>(bytes, owner, name, 0));
+}
+
+void readImages(const Container& container, const std::shared_ptr<const TexelFile>& file,
+                bundle::Description& d, const BundleReadOptions& options) {
   Scene& scene = d.scene;
-  std::vector<Bytes> frames;
-  std::uint64_t bytes = 0;
+  scene.textures = options.textures;
+  std::uint64_t bytes = 0, mapBytes = 0;
   for (std::size_t i = 0; i < scene.images.size(); ++i) {
-    frames.push_back(container.section(fmt::format("image-{}.zst", i)));
-    bytes += bundle::texelBytes(scene.images[i], d.floatImages[i]);
+    bytes += texelBytes(scene.images[i], d.imageKinds[i]);
   }
-  if (scene.environment.map) bytes += bundle::texelBytes(*scene.environment.map, true);
-  if (limit == 0) limit = availableMemoryLimit();
-  if (bytes > limit) {
+  if (scene.environment.map) mapBytes = texelBytes(*scene.environment.map, TexelKind::kFloat);
+  const bool whole = !scene.textures || scene.textures->fits(bytes);
+  const std::uint64_t limit =
+      options.maxImageBytes > 0 ? options.maxImageBytes : availableMemoryLimit();
+  if (const std::uint64_t needed = mapBytes + (whole ? bytes : 0); needed > limit) {
     fail(ExitCode::kMemoryOrDevice, "{}: its images need {}, there are {}", container.name(),
-         formatBytes(bytes), formatBytes(limit));
+         formatBytes(needed), formatBytes(limit));
   }
-  tbb::parallel_for(std::size_t{0}, frames.size(), [&](std::size_t i) {
-    bundle::unpackTexels(frames[i], d.floatImages[i],
-                         fmt::format("{}: image-{}.zst", container.name(), i), scene.images[i]);
+  tbb::parallel_for(std::size_t{0}, scene.images.size(), [&](std::size_t i) {
+    const std::string section = fmt::format("image-{}.tiles", i);
+    Image& image = scene.images[i];
+    try {
+      auto tiles = std::make_shared<const PagedTexels>(
+          image, d.imageKinds[i], file, container.offsetOf(section),
+          container.uncheckedSection(section).size(), scene.textures);
+      if (whole || texelBytes(image, d.imageKinds[i]) <= kTileBytes) {
+        tiles->whole(image);
+      } else {
+        image.paged = std::move(tiles);
+      }
+    } catch (const Error& e) {
+      fail(e.code(), "{}: {}", section, e.what());
+    }
   });
+  if (scene.textures) scene.textures->admit(scene.images);
   if (!scene.environment.map) return;
   auto map = std::make_shared<Image>(*scene.environment.map);
   const std::string where = container.name() + ": environment.zst";
-  bundle::unpackTexels(container.section("environment.zst"), true, where, *map);
+  bundle::unpackMap(container.section("environment.zst"), where, *map);
   for (const float f : map->floats) {
     if (f < 0.0f) fail(ExitCode::kInput, "{}: has a negative texel; bake again", where);
   }
@@ -201,7 +230,7 @@ BundleContents readBundle(Bytes bytes, std::shared_ptr<const void> owner, const 
   if (!d.emitters.empty()) {
     bundle::unpackEmitters(container.section("emitters.bin"), name + ": emitters.bin", d);
   }
-  readImages(container, d, options.maxImageBytes);
+  readImages(container, texelFile(bytes, owner, name, options), d, options);
   readMedia(container, d.scene);
   if (options.voxels && d.voxelDepth > 0) {
     try {
@@ -241,6 +270,7 @@ Model openBundle(const fs::path& path, const OpenOptions& options) {
   BundleReadOptions read;
   read.voxels = options.model.voxels;
   read.file = path;
+  read.textures = options.import.textures;
   BundleContents contents = readBundle(*bytes, bytes, path.string(), read);
   checkSources(path, contents.description, options.useStale);
   Scene& scene = contents.description.scene;

@@ -8,6 +8,7 @@
 
 #include "hccmesh/pages.h"
 #include "src/core/error.h"
+#include "src/scene/texel_tiles.h"
 
 namespace trex::bundle {
 
@@ -47,6 +48,25 @@ class MemoryPages : public hccm::PageFile {
   std::shared_ptr<const void> owner_;
   std::string name_;
   std::uint64_t start_;
+};
+
+/// The packed texels of a bundle, at offsets in its file.
+class BundleTexels : public TexelFile {
+ public:
+  /// `file`: that reads all of the bundle.
+  explicit BundleTexels(std::unique_ptr<const hccm::PageFile> file) : file_(std::move(file)) {}
+  void read(std::uint64_t offset, std::span<std::byte> out) const override {
+    file_->read(offset, out);
+  }
+  void readAhead(std::uint64_t offset, std::uint64_t bytes) const override {
+    file_->readAhead(offset, bytes);
+  }
+  void bad(std::uint64_t offset, const std::string& what) const override {
+    fail(ExitCode::kInput, "{}: {}; bake again", file_->place(offset), what);
+  }
+
+ private:
+  std::unique_ptr<const hccm::PageFile> file_;
 };
 
 }  // namespace trex::bundle

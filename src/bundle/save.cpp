@@ -60,19 +60,20 @@ class Sections {
     owned_.push_back(std::move(bytes));
   }
   void addImages(const Scene& scene) {
-    std::vector<std::vector<std::byte>> packed(scene.images.size());
-    tbb::parallel_for(std::size_t{0}, packed.size(),
-                      [&](std::size_t i) { packed[i] = bundle::packTexels(scene.images[i]); });
-    for (std::size_t i = 0; i < packed.size(); ++i) {
-      add(fmt::format("image-{}.zst", i), std::move(packed[i]));
+    images_.resize(scene.images.size());
+    tbb::parallel_for(std::size_t{0}, images_.size(),
+                      [&](std::size_t i) { images_[i] = bundle::packImage(scene.images[i]); });
+    for (std::size_t i = 0; i < images_.size(); ++i) {
+      list_.push_back({fmt::format("image-{}.tiles", i), *images_[i]});
     }
     if (scene.environment.map) {
-      add("environment.zst", bundle::packTexels(*scene.environment.map));
+      add("environment.zst", bundle::packMap(*scene.environment.map));
     }
   }
 
   std::vector<SectionData> list_;
   std::vector<std::vector<std::byte>> owned_;  ///< a move keeps where their bytes are
+  std::vector<std::shared_ptr<const std::span<const std::byte>>> images_;
 };
 
 /// A file written from front to back.

@@ -281,10 +281,10 @@ class StreamBake {
     }
     if (tree_) add("voxels.asvo", tree_->toBytes());
     for (std::size_t i = 0; i < scene_.images.size(); ++i) {
-      add(fmt::format("image-{}.zst", i), bundle::packTexels(scene_.images[i]));
+      add(fmt::format("image-{}.tiles", i), *bundle::packImage(scene_.images[i]));
     }
     if (scene_.environment.map) {
-      add("environment.zst", bundle::packTexels(*scene_.environment.map));
+      add("environment.zst", bundle::packMap(*scene_.environment.map));
     }
     result_.sections = out_->finish();
     out_.reset();

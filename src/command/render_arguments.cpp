@@ -34,6 +34,7 @@ void readSettings(RenderArguments& a) {
   if (std::isnan(s.error)) fail(ExitCode::kUsage, "--error nan: want a relMSE above 0");
   if (!a.maxMemory.empty()) s.maxMemory = parseBytes(a.maxMemory);
   if (!a.maxGpuMemory.empty()) s.maxGpuMemory = parseBytes(a.maxGpuMemory);
+  if (!a.textureMemory.empty()) s.textureMemory = parseBytes(a.textureMemory);
   // Wrong whether or not the model has pages that ask for it.
   if (!a.cache.empty()) parseBytes(a.cache);
   if (a.rayMemory != "auto" && a.rayMemory != "off") parseBytes(a.rayMemory);

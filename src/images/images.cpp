@@ -16,7 +16,24 @@ struct ImageFile {
 namespace {
 
 OIIO::TypeDesc typeOf(ImageValues values) {
-  return values == ImageValues::kByte ? OIIO::TypeDesc::UINT8 : OIIO::TypeDesc::FLOAT;
+  switch (values) {
+    case ImageValues::kByte:
+      return OIIO::TypeDesc::UINT8;
+    case ImageValues::kWord:
+      return OIIO::TypeDesc::UINT16;
+    case ImageValues::kHalf:
+      return OIIO::TypeDesc::HALF;
+    case ImageValues::kFloat:
+      break;
+  }
+  return OIIO::TypeDesc::FLOAT;
+}
+
+ImageValues valuesOf(OIIO::TypeDesc type) {
+  for (const ImageValues v : {ImageValues::kByte, ImageValues::kWord, ImageValues::kHalf}) {
+    if (type == typeOf(v)) return v;
+  }
+  return ImageValues::kFloat;
 }
 
 /// Colour comes multiplied by alpha else.
@@ -78,7 +95,7 @@ bool spec(ImageFile& file, int part, ImageFileSpec& out) {
          .fullHeight = s.full_height,
          .tileHeight = s.tile_width > 0 ? s.tile_height : 0,
          .deep = s.deep,
-         .bytes = s.format == OIIO::TypeDesc::UINT8,
+         .values = valuesOf(s.format),
          .floats = s.format.is_floating_point(),
          .channels = s.channelnames,
          .texts = {}};

@@ -12,14 +12,16 @@
 
 namespace trex {
 
-enum class ImageValues { kByte, kFloat };
+enum class ImageValues { kByte, kWord, kHalf, kFloat };
 
 /// What a part of a file says of itself.
 struct ImageFileSpec {
   int width = 0, height = 0, depth = 1;  ///< of the data window, which begins at x, y
   int x = 0, y = 0, fullX = 0, fullY = 0, fullWidth = 0, fullHeight = 0;  ///< full: displayed
   int tileHeight = 0;                                                     ///< 0: rows
-  bool deep = false, bytes = false, floats = false;  ///< bytes: 8 bits a value; floats: linear
+  bool deep = false;
+  ImageValues values = ImageValues::kFloat;  ///< that hold all of the file's
+  bool floats = false;                       ///< the file's own are: linear
   std::vector<std::string> channels;
   std::vector<std::pair<std::string, std::string>> texts;  ///< of metadata
 
@@ -57,7 +59,7 @@ struct ImageFunctions {
   void (*close)(ImageFile* file);
   /// False if there is no such part.
   bool (*spec)(ImageFile& file, int part, ImageFileSpec& out);
-  /// Channels [begin, end) of a whole part, as kByte or kFloat.
+  /// Channels [begin, end) of a whole part; kWord: 16 bits of [0, 1].
   bool (*read)(ImageFile& file, int part, int begin, int end, ImageValues as, void* to,
                std::string& error);
   /// Rows [begin, end) of all channels of the first part, counted from 0, as floats; of tiled files

@@ -447,6 +447,7 @@ Scene read(std::span<const std::uint8_t> bytes, const std::filesystem::path& pat
   context.path = path;
   context.name = path.string();
   context.options = options;
+  context.scene.textures = options.textures;
   context.handedOver = handedOver;
   parseGltf(context, bytes);
   if (handedOver) takeNotes(context);

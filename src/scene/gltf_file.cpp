@@ -350,12 +350,15 @@ Image decodeGltfImage(GltfContext& context, int number, bool srgb) {
   const GltfImage& image = context.images[number];
   const std::string name = fmt::format("{}: image {} ('{}')", context.name, number,
                                        image.uri.empty() ? image.name : image.uri.substr(0, 80));
-  if (image.uri.empty()) return decodeImage(bytesOfView(context, image.bufferView), name, srgb);
+  const TextureCache* const textures = context.scene.textures.get();
+  if (image.uri.empty()) {
+    return decodeImage(bytesOfView(context, image.bufferView), name, srgb, textures);
+  }
   std::vector<std::uint8_t> encoded;
-  if (decodeDataUri(image.uri, encoded)) return decodeImage(encoded, name, srgb);
+  if (decodeDataUri(image.uri, encoded)) return decodeImage(encoded, name, srgb, textures);
   const std::filesystem::path path = fileOf(context, image.uri, name);
   noteFile(context.scene, path);
-  return decodeImage(readWholeFile(path, name), name, srgb);
+  return decodeImage(readWholeFile(path, name), name, srgb, textures);
 }
 
 }  // namespace trex::detail

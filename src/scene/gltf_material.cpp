@@ -4,6 +4,7 @@
 #include "src/scene/gltf_file.h"
 #include "src/scene/image_make.h"
 #include "src/scene/texture.h"
+#include "src/scene/texture_cache.h"
 
 namespace trex::detail {
 namespace {
@@ -443,7 +444,7 @@ void GltfMaterials::loadImages() {
   for (const PendingImage& pending : pending_) {
     Image made;
     context_.attempt("textures of it are left out", [&] { made = make(pending); });
-    context_.scene.images.push_back(std::move(made));
+    addImage(context_.scene, std::move(made));
   }
 }
 

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "src/core/error.h"
+#include "src/scene/temporary_file.h"
 
 namespace trex::detail {
 
@@ -29,16 +30,7 @@ GrowingMemory& GrowingMemory::operator=(GrowingMemory&& other) noexcept {
 
 void GrowingMemory::openFile() {
   if (file_ >= 0) return;
-  file_ = ::open(folder_.c_str(), O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
-  if (file_ < 0) {  // file systems without such files
-    std::string name = (folder_ / ".trex-XXXXXX").string();
-    file_ = ::mkostemp(name.data(), O_CLOEXEC);
-    if (file_ >= 0) ::unlink(name.c_str());
-  }
-  if (file_ < 0) {
-    fail(ExitCode::kOutput, "{}: no temporary file can be made there: {}", folder_.string(),
-         std::strerror(errno));
-  }
+  file_ = openTemporaryFile(folder_);
 }
 
 void GrowingMemory::reserve(std::size_t bytes) {

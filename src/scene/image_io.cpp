@@ -11,8 +11,11 @@
 #include <string_view>
 
 #include "src/core/log.h"
+#include "src/core/memory.h"
 #include "src/images/image_library.h"
 #include "src/scene/import_detail.h"
+#include "src/scene/texels.h"
+#include "src/scene/texture_cache.h"
 
 namespace trex::detail {
 namespace {
@@ -123,10 +126,39 @@ Colors chooseColors(ImageFile& file, const std::string& name) {
   return found.front();
 }
 
-void sanitiseFloats(Image& image) {
+/// What is not finite becomes 0.
+void sanitise(Image& image) {
   for (float& f : image.floats) {
     if (!std::isfinite(f)) f = 0.0f;
   }
+  if (image.wordKind != TexelKind::kHalf) return;
+  for (std::uint16_t& half : image.words) {
+    if (!isFiniteHalf(half)) half = 0;
+  }
+}
+
+TexelKind kindOf(const ImageFileSpec& spec, bool srgb) {
+  switch (spec.values) {
+    case ImageValues::kByte:
+      return TexelKind::kByte;
+    case ImageValues::kWord:
+      return srgb ? TexelKind::kSrgbWord : TexelKind::kWord;
+    case ImageValues::kHalf:
+      return TexelKind::kHalf;
+    case ImageValues::kFloat:
+      break;
+  }
+  return TexelKind::kFloat;
+}
+
+/// Before it is allocated.
+void checkRoom(std::uint64_t bytes, const std::string& name, const TextureCache* textures) {
+  const std::uint64_t left = leftBytes(textures != nullptr ? textures->maxMemory() : 0);
+  if (bytes <= left) return;
+  fail(ExitCode::kMemoryOrDevice,
+       "{}: the image needs {} to be decoded, {} are left; make --max-memory larger, or the image "
+       "smaller",
+       name, formatBytes(bytes), formatBytes(left));
 }
 
 }  // namespace
@@ -153,7 +185,8 @@ std::vector<std::uint8_t> readWholeFile(const std::filesystem::path& path, const
   return bytes;
 }
 
-Image decodeImage(std::span<const std::uint8_t> file, const std::string& name, bool srgb) {
+Image decodeImage(std::span<const std::uint8_t> file, const std::string& name, bool srgb,
+                  const TextureCache* textures) {
   if (file.empty()) fail(ExitCode::kInput, "{}: the image is empty", name);
   const std::lock_guard lock(imageDecoding());
   const std::string fileName = std::string("image") + extensionOf(file);
@@ -169,18 +202,14 @@ Image decodeImage(std::span<const std::uint8_t> file, const std::string& name, b
   image.width = spec.width;
   image.height = spec.height;
   image.channels = std::min(static_cast<int>(spec.channels.size()), 4);
-  const std::size_t count = std::size_t(spec.width) * spec.height * image.channels;
-  if (spec.bytes) {
-    image.bytes.resize(count);
-    readPixels(*input, image, ImageValues::kByte, image.bytes.data());
-    return image;
-  }
-  image.floats.resize(count);
-  readPixels(*input, image, ImageValues::kFloat, image.floats.data());
-  sanitiseFloats(image);
-  if (srgb && !spec.floats) {
+  const TexelKind kind = kindOf(spec, srgb);
+  checkRoom(texelBytes(image, kind), name, textures);
+  readPixels(*input, image, spec.values, makeTexels(image, kind).data());
+  sanitise(image);
+  // Of more than 16 bits, no floats.
+  if (srgb && !spec.floats && kind == TexelKind::kFloat) {
     const int colors = image.channels == 2 ? 1 : std::min(image.channels, 3);
-    for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t i = 0; i < image.floats.size(); ++i) {
       if (static_cast<int>(i % image.channels) < colors) {
         image.floats[i] = decodeSrgb(image.floats[i]);
       }

@@ -19,10 +19,13 @@ inline constexpr std::int64_t kMaxTexels = std::int64_t(1) << 28;
 std::vector<std::uint8_t> readWholeFile(const std::filesystem::path& path, const std::string& what,
                                         std::uint64_t limit = std::uint64_t(1) << 31);
 
-/// Decodes a PNG, JPEG, ... held in memory. 8-bit files stay as they are (alpha not premultiplied);
-/// deeper ones become floats, decoded from sRGB if `srgb`, unless their format is linear anyway.
-/// Throws Error(kInput) that starts with `name`. Thread safe: one image is decoded at a time.
-Image decodeImage(std::span<const std::uint8_t> file, const std::string& name, bool srgb);
+/// Decodes a PNG, JPEG, ... held in memory. Values of 8 and 16 bits stay as they are (alpha not
+/// premultiplied), others become floats. What is deeper than 8 bits is sRGB if `srgb`, unless its
+/// format is linear anyway. `textures`: those of its scene, whose memory it must fit in; may be
+/// null. Throws Error(kInput), or Error(kMemoryOrDevice) if it does not fit, that starts with
+/// `name`. Thread safe: one image is decoded at a time.
+Image decodeImage(std::span<const std::uint8_t> file, const std::string& name, bool srgb,
+                  const TextureCache* textures);
 
 /// As above for a file on disk, read as floats with three channels; for environments. Of several
 /// parts or layers it takes the first R, G, B that belong to no layer, or else those of a layer

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "src/scene/texels.h"
 #include "src/scene/texture.h"
 
 namespace trex::detail {
@@ -50,7 +51,7 @@ void fill(Image& image, Texel texel) {
 
 Image withOpacity(const Image* color, const Image& opacity) {
   // Deep images hold linear values; bytes are encoded.
-  const bool linear = color != nullptr && !color->floats.empty();
+  const bool linear = color != nullptr && isDeep(*color);
   const bool hasAlpha = opacity.channels == 2 || opacity.channels == 4;
   Image image = blank({color, &opacity}, 4);
   const int width = image.width, height = image.height;

@@ -22,6 +22,7 @@
 #pragma once
 
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 
@@ -54,6 +55,8 @@ struct ImportOptions {
   std::vector<std::string> defines{};
   /// Scene::maxBounces instead of the file's.
   std::optional<std::uint32_t> maxBounces{};
+  /// That images of the scene keep to; null: all are in memory.
+  std::shared_ptr<TextureCache> textures{};
   /// Of a mesh file that a scene file names: triangles, normals and all texture coordinates;
   /// neither materials nor groups nor smoothing.
   bool geometryOnly = false;

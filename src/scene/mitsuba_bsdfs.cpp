@@ -5,6 +5,7 @@
 
 #include "src/scene/fresnel.h"
 #include "src/scene/image_make.h"
+#include "src/scene/texture_cache.h"
 
 namespace trex::detail::mitsuba {
 namespace {
@@ -143,8 +144,7 @@ void Bsdfs::setOpacity(const Properties& of, Material& m, const NumberInput& opa
   Image image = withOpacity(color.present() ? &scene.images[color.image] : nullptr,
                             scene.images[cover.image]);
   image.name = fmt::format("{} as opacity of {}", scene.images[cover.image].name, m.name);
-  m.baseColorTexture.image = static_cast<int>(scene.images.size());
-  context_.scene().images.push_back(std::move(image));
+  m.baseColorTexture.image = addImage(context_.scene(), std::move(image));
 }
 
 Look Bsdfs::readRelief(const Properties& of, Look::Relief relief) {

@@ -17,6 +17,7 @@ bool isObject(std::string_view tag) {
 
 Context::Context(const std::filesystem::path& path, const ImportOptions& options)
     : options_(options), document_(path, options.defines) {
+  scene_.textures = options.textures;
   folders_.push_back(path.parent_path());
   for (std::size_t i = 1; i < document_.files().size(); ++i) noteFile(scene_, document_.files()[i]);
   collect(document_.root());

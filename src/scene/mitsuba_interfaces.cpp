@@ -5,6 +5,7 @@
 #include "src/scene/image_make.h"
 #include "src/scene/layered.h"
 #include "src/scene/mitsuba_bsdfs.h"
+#include "src/scene/texture_cache.h"
 
 namespace trex::detail::mitsuba {
 namespace {
@@ -67,8 +68,7 @@ void Bsdfs::setRoughMetallic(Material& m, const NumberInput& roughness, const Nu
   m.metallicRoughnessTexture = maps[0].present() ? maps[0] : maps[1];
   Image image = roughnessAndMetallic(imageOf(maps[0]), imageOf(maps[1]));
   image.name = fmt::format("roughness and metallic of {}", m.name);
-  m.metallicRoughnessTexture.image = static_cast<int>(scene.images.size());
-  scene.images.push_back(std::move(image));
+  m.metallicRoughnessTexture.image = addImage(scene, std::move(image));
 }
 
 void Bsdfs::setAlpha(const Properties& of, Material& m) {

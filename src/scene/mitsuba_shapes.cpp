@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "src/scene/texels.h"
+
 namespace trex::detail::mitsuba {
 namespace {
 
@@ -224,7 +226,7 @@ void Shapes::setEmission(const Element& emitter, Material& m) {
   } else if (radiance != nullptr) {
     ColorInput input = textures_.read(*radiance);
     if (input.texture.present() && !input.srgb &&
-        !context_.scene().images[input.texture.image].bytes.empty()) {
+        !isDeep(context_.scene().images[input.texture.image])) {
       input.texture = textures_.changed(input, "as colours", true, [](const vec4& v) { return v; });
     }
     m.emission = input.factor;

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 
+#include "src/scene/texels.h"
 #include "src/scene/texture.h"
+#include "src/scene/texture_cache.h"
 #include "src/scene/texture_file.h"
 
 namespace trex::detail::mitsuba {
@@ -139,7 +141,7 @@ ColorInput Textures::readCheckerboard(const Element& element) {
   image.name = fmt::format("checkerboard of {}", context_.document().where(element));
   const auto [found, fresh] =
       made_.try_emplace(image.name, static_cast<int>(context_.scene().images.size()));
-  if (fresh) context_.scene().images.push_back(std::move(image));
+  if (fresh) addImage(context_.scene(), std::move(image));
   made.texture.image = found->second;
   made.texture.nearest = true;
   return made;
@@ -183,7 +185,7 @@ Texture Textures::changed(const ColorInput& input, const std::string& key, bool 
       }
     }
   }
-  context_.scene().images.push_back(std::move(image));
+  addImage(context_.scene(), std::move(image));
   return made;
 }
 
@@ -191,7 +193,7 @@ void Textures::setBaseColor(Material& material, const ColorInput& input) {
   material.baseColor = vec4(glm::clamp(input.factor, 0.0f, 1.0f), material.baseColor.a);
   material.baseColorTexture = input.texture;
   if (!input.texture.present()) return;
-  const bool deep = !context_.scene().images[input.texture.image].floats.empty();
+  const bool deep = isDeep(context_.scene().images[input.texture.image]);
   if (input.srgb || deep) return;
   material.baseColorTexture = changed(input, "as colours", true, [](const vec4& v) { return v; });
 }

@@ -8,6 +8,7 @@
 #include "src/scene/import_detail.h"
 #include "src/scene/phong.h"
 #include "src/scene/statements.h"
+#include "src/scene/texture_cache.h"
 #include "src/scene/texture_file.h"
 
 namespace trex::detail {
@@ -126,8 +127,7 @@ class MtlReader {
       if (scene_.images[i].name == name) return static_cast<int>(i);
     }
     image.name = name;
-    scene_.images.push_back(std::move(image));
-    return static_cast<int>(scene_.images.size()) - 1;
+    return trex::addImage(scene_, std::move(image));
   }
 
   const Image* imageOf(const Texture& t) const {

@@ -35,6 +35,7 @@ ObjReader::ObjReader(const std::filesystem::path& path, const ImportOptions& opt
       options_(options),
       waiting_(folder),
       waitingCorners_(folder) {
+  scene_.textures = options.textures;
   scene_.materials.push_back(defaultMaterial());
 }
 

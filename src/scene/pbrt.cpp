@@ -22,7 +22,9 @@ constexpr std::size_t kMaxIncludes = 100'000;
 class PbrtReader {
  public:
   PbrtReader(const fs::path& path, const ImportOptions& options)
-      : path_(path), context_{scene_, options, path.parent_path()} {}
+      : path_(path), context_{scene_, options, path.parent_path()} {
+    scene_.textures = options.textures;
+  }
 
   Scene read() {
     context_.noted.insert(path_.string());  // importScene() notes the first file

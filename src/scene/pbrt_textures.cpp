@@ -4,7 +4,9 @@
 #include <cmath>
 
 #include "src/scene/image_io.h"
+#include "src/scene/texels.h"
 #include "src/scene/texture.h"
+#include "src/scene/texture_cache.h"
 #include "src/scene/texture_file.h"
 
 namespace trex::detail {
@@ -19,10 +21,11 @@ std::uint8_t byteOf(float value) {
 
 /// Bytes decoded by a power, as floats.
 Image decoded(const Image& image, float gamma) {
-  Image made = image;
+  Image made = inMemory(image);
+  const std::vector<std::uint8_t> bytes = std::move(made.bytes);
   made.bytes.clear();
-  made.floats.reserve(image.bytes.size());
-  for (const std::uint8_t byte : image.bytes) {
+  made.floats.reserve(bytes.size());
+  for (const std::uint8_t byte : bytes) {
     made.floats.push_back(std::pow(static_cast<float>(byte) / 255.0f, gamma));
   }
   return made;
@@ -83,9 +86,7 @@ int PbrtTextures::imageNamed(const std::string& name, const std::function<Image(
   if (known != imagesByName_.end()) return known->second;
   Image image = make();
   image.name = name;
-  std::vector<Image>& images = context_.scene.images;
-  images.push_back(std::move(image));
-  return imagesByName_[name] = static_cast<int>(images.size()) - 1;
+  return imagesByName_[name] = addImage(context_.scene, std::move(image));
 }
 
 int PbrtTextures::imageOfFileName(const std::string& name, float gamma,
@@ -95,7 +96,7 @@ int PbrtTextures::imageOfFileName(const std::string& name, float gamma,
   if (known != imagesByName_.end()) return known->second;
   int image = imageOfFile(context_.scene, context_.folder, name, gamma == 0.0f,
                           context_.where() + ": texture", instead);
-  if (image != kNone && gamma > 0.0f && !context_.scene.images[image].bytes.empty()) {
+  if (image != kNone && gamma > 0.0f && !isDeep(context_.scene.images[image])) {
     image = imageNamed(key, [&] { return decoded(context_.scene.images[image], gamma); });
   }
   imagesByName_[key] = image;

@@ -25,7 +25,9 @@ struct Part {
 class PlyReader {
  public:
   PlyReader(const std::filesystem::path& path, const ImportOptions& options)
-      : file_(path), path_(path), options_(options) {}
+      : file_(path), path_(path), options_(options) {
+    scene_.textures = options.textures;
+  }
 
   Scene read() {
     const bool ahead = facesComeFirst();

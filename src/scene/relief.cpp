@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "src/scene/image_make.h"
+#include "src/scene/texture_cache.h"
 
 namespace trex::detail {
 
@@ -46,7 +47,7 @@ void setBumps(Scene& scene, const Texture& heights, double metres, const UvFacts
   if (same != scene.images.end()) return;
   Image normals = normalsOfHeights(scene.images[heights.image], static_cast<float>(step));
   normals.name = name;
-  scene.images.push_back(std::move(normals));
+  addImage(scene, std::move(normals));
 }
 
 }  // namespace trex::detail

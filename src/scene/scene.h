@@ -23,13 +23,29 @@ namespace trex {
 
 inline constexpr int kNone = -1;
 
-/// An 8-bit or float image in memory. Rows go from top to bottom, as in glTF.
+/// What the values of an image are. Alpha is always linear.
+enum class TexelKind : std::uint8_t {
+  kByte,      ///< 8 bits of [0, 1]; sRGB or linear, as who reads them says
+  kWord,      ///< 16 bits of [0, 1], linear
+  kSrgbWord,  ///< 16 bits of [0, 1], sRGB
+  kHalf,      ///< 16-bit floats, linear
+  kFloat,     ///< 32-bit floats, linear
+};
+
+class PagedTexels;
+class TextureCache;
+
+/// An image as its file has it: no wider values than there. Rows go from top to bottom, as in glTF.
+/// One of the four holds its width * height * channels values.
 struct Image {
   std::string name;  ///< file name or "image 3 of model.glb", for messages
   int width = 0, height = 0;
-  int channels = 0;                 ///< 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha
-  std::vector<std::uint8_t> bytes;  ///< width*height*channels, if 8-bit
-  std::vector<float> floats;        ///< width*height*channels, if of higher precision (linear)
+  int channels = 0;                            ///< 1 grey, 2 grey and alpha, 3 RGB, 4 RGB and alpha
+  std::vector<std::uint8_t> bytes{};           ///< kByte
+  std::vector<std::uint16_t> words{};          ///< of `wordKind`
+  std::vector<float> floats{};                 ///< kFloat
+  std::shared_ptr<const PagedTexels> paged{};  ///< in tiles on disk (texture_cache.h)
+  TexelKind wordKind = TexelKind::kWord;
 };
 
 /// Texture coordinates of a point, by Texture::set.
@@ -254,6 +270,7 @@ struct Scene {
   std::vector<Instance> instances;
   std::vector<Material> materials;  ///< at least one
   std::vector<Image> images;
+  std::shared_ptr<TextureCache> textures;  ///< that images keep to; null: all are in memory
   std::vector<Light> lights;
   std::vector<Camera> cameras;  ///< at least one after importScene
   Environment environment;

@@ -1,23 +1,70 @@
 #include "src/scene/texture.h"
 
 #include <array>
+#include <glm/gtc/packing.hpp>
 #include <type_traits>
+#include <vector>
 
-#include "src/scene/import_detail.h"
+#include "src/scene/texels.h"
+#include "src/scene/texture_cache.h"
 
 namespace trex {
 namespace {
 
-struct Tables {
+struct ByteTables {
   std::array<float, 256> srgb, unorm;
-  Tables() {
+  ByteTables() {
     for (int i = 0; i < 256; ++i) {
       unorm[i] = static_cast<float>(i) / 255.0f;
       srgb[i] = decodeSrgb(unorm[i]);
     }
   }
 };
-const Tables kTables;
+const ByteTables kByteTables;
+
+/// All values of 16 bits. Made when an image has some.
+struct WordTables {
+  static constexpr std::size_t kCount = 65536;
+  std::vector<float> unorm, srgb, half;
+  WordTables() : unorm(kCount), srgb(kCount), half(kCount) {
+    for (std::size_t i = 0; i < kCount; ++i) {
+      unorm[i] = static_cast<float>(i) * (1.0f / 65535.0f);  // as OpenImageIO has it
+      srgb[i] = decodeSrgb(unorm[i]);
+      half[i] = glm::unpackHalf1x16(static_cast<std::uint16_t>(i));
+    }
+  }
+};
+const WordTables& wordTables() {
+  static const WordTables tables;
+  return tables;
+}
+
+/// Values as linear floats: by a table. Floats are taken as they are.
+struct Decoder {
+  TexelKind kind;
+  const float *color = nullptr, *alpha = nullptr;
+
+  Decoder(TexelKind of, bool srgb) : kind(of) {
+    switch (kind) {
+      case TexelKind::kByte:
+        color = srgb ? kByteTables.srgb.data() : kByteTables.unorm.data();
+        alpha = kByteTables.unorm.data();
+        break;
+      case TexelKind::kWord:
+        color = alpha = wordTables().unorm.data();
+        break;
+      case TexelKind::kSrgbWord:
+        color = wordTables().srgb.data();
+        alpha = wordTables().unorm.data();
+        break;
+      case TexelKind::kHalf:
+        color = alpha = wordTables().half.data();
+        break;
+      case TexelKind::kFloat:
+        break;
+    }
+  }
+};
 
 /// Two neighbouring texels along one axis and the weight of the second.
 struct Tap {
@@ -58,30 +105,36 @@ Tap tap(float coordinate, int size, Texture::Wrap wrap, bool nearest) {
   return {wrapped(i, size, wrap), wrapped(i + 1, size, wrap), x - base};
 }
 
-/// Texel `index` as RGBA; T is uint8_t, looked up in a table, or float, taken as it is.
+/// Texel `index` as RGBA; T is looked up in a table, or float, taken as it is.
 template <int kChannels, typename T>
-vec4 texel(const T* texels, std::size_t index, const float* colorTable) {
+vec4 texel(const T* texels, std::size_t index, const Decoder& decoder) {
   const T* p = texels + index * kChannels;
-  const auto value = [p](int c, const float* table) {
+  const auto color = [&](int c) {
     if constexpr (std::is_same_v<T, float>) {
       return p[c];
     } else {
-      return table[p[c]];
+      return decoder.color[p[c]];
     }
   };
-  const float* unorm = kTables.unorm.data();
-  if constexpr (kChannels == 1) return vec4(vec3(value(0, colorTable)), 1.0f);
-  if constexpr (kChannels == 2) return vec4(vec3(value(0, colorTable)), value(1, unorm));
-  const vec3 color(value(0, colorTable), value(1, colorTable), value(2, colorTable));
-  if constexpr (kChannels == 3) return vec4(color, 1.0f);
-  return vec4(color, value(3, unorm));
+  const auto alpha = [&](int c) {
+    if constexpr (std::is_same_v<T, float>) {
+      return p[c];
+    } else {
+      return decoder.alpha[p[c]];
+    }
+  };
+  if constexpr (kChannels == 1) return vec4(vec3(color(0)), 1.0f);
+  if constexpr (kChannels == 2) return vec4(vec3(color(0)), alpha(1));
+  const vec3 rgb(color(0), color(1), color(2));
+  if constexpr (kChannels == 3) return vec4(rgb, 1.0f);
+  return vec4(rgb, alpha(3));
 }
 
-/// Calls function(texels, channel count as a type) for the kind of the image.
+/// Calls function(texels, channel count as a type) for values of this kind at `first`.
 template <typename Function>
-vec4 withTexels(const Image& image, Function function) {
+vec4 withTexels(TexelKind kind, int channels, const std::byte* first, Function function) {
   const auto byChannels = [&](const auto* texels) {
-    switch (image.channels) {
+    switch (channels) {
       case 1:
         return function(texels, std::integral_constant<int, 1>());
       case 2:
@@ -92,13 +145,41 @@ vec4 withTexels(const Image& image, Function function) {
         return function(texels, std::integral_constant<int, 4>());
     }
   };
-  return image.bytes.empty() ? byChannels(image.floats.data()) : byChannels(image.bytes.data());
+  switch (kind) {
+    case TexelKind::kByte:
+      return byChannels(reinterpret_cast<const std::uint8_t*>(first));
+    case TexelKind::kFloat:
+      return byChannels(reinterpret_cast<const float*>(first));
+    default:
+      return byChannels(reinterpret_cast<const std::uint16_t*>(first));
+  }
 }
 
-const float* colorTable(bool srgb) { return srgb ? kTables.srgb.data() : kTables.unorm.data(); }
+/// Where a sample reads, and how its texels are mixed.
+struct Taps {
+  Tap x, y;
+  Taps(const Image& image, const Texture& texture, vec2 uv) {
+    uv = transformUv(texture, uv);
+    x = tap(uv.x, image.width, texture.wrapS, texture.nearest);
+    y = tap(uv.y, image.height, texture.wrapT, texture.nearest);
+  }
+  /// Of the upper two texels and the lower two.
+  vec4 mix(const vec4& a, const vec4& b, const vec4& c, const vec4& d) const {
+    const vec4 top = a + (b - a) * x.weight, bottom = c + (d - c) * x.weight;
+    return top + (bottom - top) * y.weight;
+  }
+};
 
-bool hasTexels(const Image& image) {
-  return image.width > 0 && image.height > 0 && !(image.bytes.empty() && image.floats.empty());
+vec4 samplePaged(const PagedTexels& paged, const Taps& taps, bool srgb) {
+  PagedTexels::Four four;
+  paged.read({taps.x.first, taps.x.second}, {taps.y.first, taps.y.second}, four);
+  const Decoder decoder(paged.kind(), srgb);
+  return withTexels(paged.kind(), paged.channels(), four.texels, [&](const auto* p, auto channels) {
+    constexpr int kChannels = decltype(channels)::value;
+    constexpr std::size_t kStep = PagedTexels::Four::kStride / sizeof(*p);
+    const auto at = [&](std::size_t i) { return texel<kChannels>(p + i * kStep, 0, decoder); };
+    return taps.mix(at(0), at(1), at(2), at(3));
+  });
 }
 
 }  // namespace
@@ -114,50 +195,46 @@ vec2 transformUv(const Texture& texture, vec2 uv) {
 
 vec4 sampleTexture(const Image& image, const Texture& texture, vec2 uv, bool srgb) {
   if (!hasTexels(image)) return vec4(1.0f);
-  uv = transformUv(texture, uv);
-  const Tap x = tap(uv.x, image.width, texture.wrapS, texture.nearest);
-  const Tap y = tap(uv.y, image.height, texture.wrapT, texture.nearest);
-  const float* table = colorTable(srgb);
-  const std::size_t upper = std::size_t(y.first) * image.width;
-  const std::size_t lower = std::size_t(y.second) * image.width;
-  return withTexels(image, [&](const auto* texels, auto channels) {
-    constexpr int kChannels = decltype(channels)::value;
-    const auto at = [&](std::size_t i) { return texel<kChannels>(texels, i, table); };
-    const vec4 a = at(upper + x.first), b = at(upper + x.second);
-    const vec4 c = at(lower + x.first), d = at(lower + x.second);
-    const vec4 top = a + (b - a) * x.weight, bottom = c + (d - c) * x.weight;
-    return top + (bottom - top) * y.weight;
-  });
+  const Taps taps(image, texture, uv);
+  if (image.paged) return samplePaged(*image.paged, taps, srgb);
+  const Decoder decoder(texelKind(image), srgb);
+  const std::size_t upper = std::size_t(taps.y.first) * image.width;
+  const std::size_t lower = std::size_t(taps.y.second) * image.width;
+  return withTexels(decoder.kind, image.channels, wholeTexels(image).data(),
+                    [&](const auto* texels, auto channels) {
+                      constexpr int kChannels = decltype(channels)::value;
+                      const auto at = [&](std::size_t i) {
+                        return texel<kChannels>(texels, i, decoder);
+                      };
+                      return taps.mix(at(upper + taps.x.first), at(upper + taps.x.second),
+                                      at(lower + taps.x.first), at(lower + taps.x.second));
+                    });
 }
 
 void prefetchTexture(const Image& image, const Texture& texture, vec2 uv) {
   if (!hasTexels(image)) return;
-  uv = transformUv(texture, uv);
-  const Tap x = tap(uv.x, image.width, texture.wrapS, texture.nearest);
-  const Tap y = tap(uv.y, image.height, texture.wrapT, texture.nearest);
-  const auto ask = [&](int row) {
-    const std::size_t first =
-        (std::size_t(row) * image.width + x.first) * static_cast<std::size_t>(image.channels);
-    if (image.bytes.empty()) {
-      __builtin_prefetch(&image.floats[first]);
-    } else {
-      __builtin_prefetch(&image.bytes[first]);
-    }
-  };
-  ask(y.first);
-  ask(y.second);
+  const Taps taps(image, texture, uv);
+  if (image.paged) return image.paged->ask(taps.x.first, {taps.y.first, taps.y.second});
+  const std::byte* texels = wholeTexels(image).data();
+  const std::size_t bytes = texelBytes(texelKind(image), image.channels);
+  for (const int row : {taps.y.first, taps.y.second}) {
+    __builtin_prefetch(texels + (std::size_t(row) * image.width + taps.x.first) * bytes);
+  }
 }
 
 vec4 textureMean(const Image& image, bool srgb) {
   if (!hasTexels(image)) return vec4(1.0f);
+  if (image.paged) return image.paged->mean(srgb);
   const std::size_t count = std::size_t(image.width) * image.height;
-  return withTexels(image, [&](const auto* texels, auto channels) {
-    glm::dvec4 sum(0.0);
-    for (std::size_t i = 0; i < count; ++i) {
-      sum += glm::dvec4(texel<decltype(channels)::value>(texels, i, colorTable(srgb)));
-    }
-    return vec4(sum / static_cast<double>(count));
-  });
+  const Decoder decoder(texelKind(image), srgb);
+  return withTexels(decoder.kind, image.channels, wholeTexels(image).data(),
+                    [&](const auto* texels, auto channels) {
+                      glm::dvec4 sum(0.0);
+                      for (std::size_t i = 0; i < count; ++i) {
+                        sum += glm::dvec4(texel<decltype(channels)::value>(texels, i, decoder));
+                      }
+                      return vec4(sum / static_cast<double>(count));
+                    });
 }
 
 }  // namespace trex

@@ -5,6 +5,7 @@
 #include "src/scene/image_io.h"
 #include "src/scene/import_detail.h"
 #include "src/scene/input_file.h"
+#include "src/scene/texture_cache.h"
 
 namespace trex::detail {
 namespace {
@@ -91,11 +92,11 @@ int imageOfFile(Scene& scene, const fs::path& folder, const std::string& name, b
     if (scene.images[i].name == full) return static_cast<int>(i);
   }
   try {
-    Image image = decodeImage(readWholeFile(path, where), where + ": " + full, srgb);
+    Image image =
+        decodeImage(readWholeFile(path, where), where + ": " + full, srgb, scene.textures.get());
     image.name = full;
     noteFile(scene, path);
-    scene.images.push_back(std::move(image));
-    return static_cast<int>(scene.images.size()) - 1;
+    return addImage(scene, std::move(image));
   } catch (const Error& e) {
     if (e.code() != ExitCode::kInput) throw;
     scene.replaced.add(fmt::format("{}; {}", e.what(), instead));

@@ -13,6 +13,7 @@
 #include "src/frame/oidn.h"
 #include "src/scene/import.h"
 #include "src/scene/synth.h"
+#include "src/scene/texture_cache.h"
 #include "src/session/denoiser.h"
 
 namespace trex {
@@ -25,7 +26,8 @@ constexpr std::uint64_t kMeshBytesATriangle = 12;   // clusters and their hierar
 constexpr std::uint64_t kPlacedBytes = 24;          // a placed triangle while voxels are built
 constexpr std::uint64_t kVoxelCopies = 6;           // built; kept, on the device, flux and light
 constexpr std::uint64_t kFewestVoxelBytes = 4u << 20;
-constexpr std::uint64_t kDeviceBytes = 96u << 20;  // driver, compiled shaders, batches of cones
+constexpr std::uint64_t kProgramBytes = 128u << 20;  // with the libraries that read images
+constexpr std::uint64_t kDeviceBytes = 96u << 20;    // driver, compiled shaders, batches of cones
 
 std::uint64_t allowedBytes(const RenderSettings& settings) {
   const std::uint64_t all = availableMemoryLimit();
@@ -97,6 +99,17 @@ void checkSynthFits(const std::string& name, const RenderSettings& settings) {
 
 }  // namespace
 
+std::shared_ptr<TextureCache> textureCacheFor(const RenderSettings& settings,
+                                              const std::filesystem::path& folder) {
+  std::uint64_t limit = settings.textureMemory;
+  if (limit == 0 && settings.maxMemory == 0) return nullptr;
+  if (limit == 0) {
+    const std::uint64_t left = std::max(settings.maxMemory, kProgramBytes) - kProgramBytes;
+    limit = std::max(left / 2, settings.maxMemory / 8);
+  }
+  return std::make_shared<TextureCache>(limit, settings.maxMemory, folder);
+}
+
 void checkSourceFits(const std::filesystem::path& source, const RenderSettings& settings) {
   std::error_code problem;
   const std::uint64_t size = std::filesystem::file_size(source, problem);
@@ -128,19 +141,27 @@ Preflight preflight(const Scene& scene, const RenderSettings& settings, const Pi
   const std::uint64_t meshes = unique * kMeshBytesATriangle +
                                std::min(unique, 8 * RayScene::kExpandedLeaves) * kExpandedBytes;
   const bool voxels = settings.exact < 1.0 && hasLight(scene);
+  const TextureCache::Statistics textures = textureStatistics(scene);
+  // Tiles that are not here yet.
+  const std::uint64_t tiles =
+      textures.pagedImages > 0 ? scene.textures->limit() - textures.bytes : 0;
+  logVerbose("memory: {:>10} of textures, {}", formatBytes(textures.texelBytes),
+             textures.pagedImages > 0
+                 ? fmt::format("at most {} at a time", formatBytes(scene.textures->limit()))
+                 : "all in memory");
   const bool device = voxels && settings.device != RenderSettings::kNoDevice;
   phase("now, with the source,", here);
   phase("building meshes", here + unique * kBuildBytesATriangle);
   if (voxels && bakedBytes == 0) {
     phase("building voxels",
-          here + meshes + scene.triangleCount() * kPlacedBytes + 2 * kFewestVoxelBytes);
+          here + meshes + scene.triangleCount() * kPlacedBytes + tiles + 2 * kFewestVoxelBytes);
   }
   // Memory that was freed may stay with the process in part: half is counted on.
   // A bundle is resident by now; its voxels go to the device once more, with light and flux.
   const std::uint64_t voxelBytes =
       bakedBytes > 0 ? 2 * bakedBytes : kFewestVoxelBytes * kVoxelCopies;
   phase("rendering", here - std::min(here, sourceBytes(scene) / 2) + meshes + topLevelBytes +
-                         (device ? kDeviceBytes : 0) + (voxels ? voxelBytes : 0) +
+                         tiles + (device ? kDeviceBytes : 0) + (voxels ? voxelBytes : 0) +
                          frameBytes(settings, layers));
   logVerbose("memory: {:>10} allowed", formatBytes(p.allowed));
   if (p.needed > p.allowed) refuse(p, settings, bakedBytes > 0);

@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -23,6 +24,12 @@ struct Preflight {
   std::uint64_t allowed = 0;     ///< `--max-memory`, or what the machine has
   std::uint64_t voxelBytes = 0;  ///< limit of the voxels' arrays with light; 0: none are built
 };
+
+/// What images keep to by the settings: null if nothing limits them. Of --max-memory it is half,
+/// without what the program itself takes.
+/// `folder`: for what does not fit.
+std::shared_ptr<TextureCache> textureCacheFor(const RenderSettings& settings,
+                                              const std::filesystem::path& folder);
 
 /// Throws Error(kMemoryOrDevice) if a source file alone cannot fit.
 void checkSourceFits(const std::filesystem::path& source, const RenderSettings& settings);

@@ -38,6 +38,7 @@
 #include "src/grays/grays.h"
 #include "src/paths/path_sample.h"
 #include "src/scene/look.h"
+#include "src/scene/texture_cache.h"
 #include "src/session/denoiser.h"
 #include "src/session/frame_buffers.h"
 #include "src/session/goal.h"
@@ -70,6 +71,7 @@ struct SessionReport {
   RayScene::Statistics mesh;
   hccm::PageCache::Statistics pages;  ///< of a mesh in pages
   PageTrafficReport traffic;          ///< where paths wait for them
+  TextureCache::Statistics textures;
   std::uint64_t voxels = 0, leaves = 0, voxelBytes = 0;
   int voxelDepth = 0;
   double lightScale = 1.0;

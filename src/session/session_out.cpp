@@ -113,6 +113,7 @@ void Session::addLayers(std::uint32_t x, std::uint32_t y, std::vector<float>& va
 SessionReport Session::report() const {
   SessionReport out = report_;
   out.pages = model_->rays->pageStatistics();
+  out.textures = textureStatistics(model_->scene);
   if (source_.batched) out.traffic = source_.batched->report();
   out.samplesDone = samplesDone();
   out.rays = samples_.rays();

@@ -46,11 +46,12 @@ struct RenderSettings {
   GuessKind guess = GuessKind::kAuto;
   PhotonKind photonKind = PhotonKind::kAuto;
   Denoise denoise = Denoise::kOff;
-  bool transparent = false;     ///< no background; R, G, B are premultiplied by the layer A
-  bool interactive = false;     ///< driven by step(), see session.h
-  std::uint64_t photons = 0;    ///< at least so many before the first sample
-  std::optional<Camera> aim;    ///< where photons from outside are aimed; none: the camera
-  std::uint64_t maxMemory = 0;  ///< bytes this process may use; 0: what the machine has
+  bool transparent = false;         ///< no background; R, G, B are premultiplied by the layer A
+  bool interactive = false;         ///< driven by step(), see session.h
+  std::uint64_t photons = 0;        ///< at least so many before the first sample
+  std::optional<Camera> aim;        ///< where photons from outside are aimed; none: the camera
+  std::uint64_t maxMemory = 0;      ///< bytes this process may use; 0: what the machine has
+  std::uint64_t textureMemory = 0;  ///< bytes of texels in memory; 0: all of them
   /// Bytes of paths that wait for pages, where these do not fit in memory; 0: threads wait.
   std::uint64_t rayMemory = 0;
   bool recordTraffic = false;      ///< of paths that wait: Session::traffic()

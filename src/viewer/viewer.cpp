@@ -8,6 +8,7 @@
 
 #include "src/core/error.h"
 #include "src/core/log.h"
+#include "src/session/preflight.h"
 #include "src/viewer/viewer_parts.h"
 
 namespace trex {
@@ -113,6 +114,8 @@ void Viewer::Impl::open(const std::filesystem::path& path) {
       o.options.import.volumes.push_back(parseVolume(v));
     }
     o.options.import.maxMemory = options.settings.maxMemory;
+    o.options.import.textures =
+        textureCacheFor(options.settings, std::filesystem::temp_directory_path());
     if (!options.environment.empty()) o.options.environment = parseEnvironment(options.environment);
   } catch (const Error& e) {
     failed(e.what());

@@ -204,7 +204,7 @@ struct Mutation {
 /// Each must be an error that names its place.
 std::vector<Mutation> mutations() {
   const json none = json::value_t::discarded;
-  return {{"/trex", 3},
+  return {{"/trex", 2},
           {"/trex", "1"},
           {"/extra", 1},
           {"/cameras", json::array()},
@@ -250,7 +250,7 @@ std::vector<Mutation> mutations() {
           {"/images/0/width", 0},
           {"/images/0/width", 100'000},
           {"/images/0/channels", 5},
-          {"/images/0/format", "f16"},
+          {"/images/0/format", "f64"},
           {"/environment/color", {-1, 0, 0}},
           {"/environment/map/channels", 4},
           {"/environment/map/format", "u8"},
@@ -353,12 +353,12 @@ TEST(BundleHostile, ArraysThatDoNotFitTheScene) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   std::memcpy(emitters.data(), &nan, 4);
   refused("emitters.bin", emitters);
-  Buffer image = copy("image-0.zst");
-  refused("image-0.zst", copy("image-1.zst"));
-  refused("image-0.zst", {});
+  Buffer image = copy("image-0.tiles");
+  refused("image-0.tiles", copy("image-1.tiles"));
+  refused("image-0.tiles", {});
   image.resize(image.size() - 1);
-  refused("image-0.zst", image);
-  refused("environment.zst", copy("image-1.zst"));
+  refused("image-0.tiles", image);
+  refused("environment.zst", copy("image-1.tiles"));
   Buffer mesh = copy("world.hccm");
   mesh.resize(mesh.size() - 1);
   refused("world.hccm", mesh);
@@ -380,7 +380,7 @@ TEST(BundleHostile, MeshesWithMaterialsThatAreNotThere) {
 TEST(BundleHostile, SectionsMissingOrTooMany) {
   EXPECT_NE(problem(repacked({{"world.hccm", std::nullopt}})), "");
   EXPECT_NE(problem(repacked({{"scene.json", std::nullopt}})), "");
-  EXPECT_NE(problem(repacked({{"image-1.zst", std::nullopt}})), "");
+  EXPECT_NE(problem(repacked({{"image-1.tiles", std::nullopt}})), "");
   EXPECT_NE(problem(repacked({{"more", Buffer(5)}})), "");
   EXPECT_NE(problem(repacked({{"voxels.asvo", Buffer(5)}}, 3)), "");
 }

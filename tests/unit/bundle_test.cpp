@@ -3,6 +3,7 @@
 #include <sys/wait.h>
 #include <tbb/global_control.h>
 #include <unistd.h>
+#include <zstd.h>
 
 #include <cstring>
 #include <filesystem>
@@ -11,6 +12,8 @@
 
 #include "src/core/error.h"
 #include "src/core/file.h"
+#include "src/scene/texture.h"
+#include "src/scene/texture_cache.h"
 #include "tests/unit/bundle_scene.h"
 #include "tests/unit/scenes.h"
 
@@ -117,6 +120,72 @@ TEST_F(BundleTest, KeepsEveryNumber) {
   EXPECT_EQ(got.meshes[1].triangles, scene.meshes[1].triangles);
   EXPECT_TRUE(got.meshes[2].positions.empty());
   EXPECT_EQ(got.instances[4].transform, scene.instances[4].transform);
+}
+
+/// Reads the tiles of an image of bytes by the text of FORMAT.md alone.
+std::vector<std::uint8_t> bytesOfTiles(std::span<const std::byte> section, int width, int height,
+                                       int channels) {
+  std::vector<std::uint8_t> out(static_cast<std::size_t>(width * height * channels));
+  const int rows = 4096 / (32 * channels);
+  const int across = (width + 31) / 32, down = (height + rows - 1) / rows;
+  std::size_t at = 40 + 16 * static_cast<std::size_t>(across * down);
+  for (int tile = 0; tile < across * down; ++tile) {
+    std::uint32_t length = 0;
+    std::memcpy(&length, &section[40 + 16 * static_cast<std::size_t>(tile) + 8], 4);
+    std::vector<std::uint8_t> texels(static_cast<std::size_t>(32 * rows * channels));
+    if (length == texels.size()) {
+      std::memcpy(texels.data(), &section[at], length);
+    } else {
+      ZSTD_decompress(texels.data(), texels.size(), &section[at], length);
+    }
+    at += length;
+    for (int y = 0; y < rows; ++y) {
+      for (int x = 0; x < 32 * channels; ++x) {
+        const int i = y * 32 * channels + x;
+        if (y > 0) {
+          texels[static_cast<std::size_t>(i)] =
+              static_cast<std::uint8_t>(texels[static_cast<std::size_t>(i)] +
+                                        texels[static_cast<std::size_t>(i - 32 * channels)]);
+        }
+        const int row = tile / across * rows + y, byte = tile % across * 32 * channels + x;
+        if (row >= height || byte >= width * channels) continue;
+        out[static_cast<std::size_t>(row * width * channels + byte)] =
+            texels[static_cast<std::size_t>(i)];
+      }
+    }
+  }
+  EXPECT_EQ(at, section.size());
+  return out;
+}
+
+TEST_F(BundleTest, TilesOfImagesAreAsTheFormatSays) {
+  Scene scene = test::littleOfEverything();
+  scene.images[0] = test::noiseImage(150, 201, 3, false, 1);
+  for (std::size_t i = 0; i < 20'000; ++i) scene.images[0].bytes[i] = 90;  // some that shrink
+  const Image image = scene.images[0];
+  const auto bytes = bundleBytes(makeModel(std::move(scene), {.voxels = false}), littleFacts(0));
+  const bundle::Container container(bytes, "x.trex");
+  EXPECT_EQ(bytesOfTiles(container.section("image-0.tiles"), 150, 201, 3), image.bytes);
+}
+
+TEST_F(BundleTest, ImagesBeyondTheirLimitComeInTilesAndAreBakedAgainAsTheyWere) {
+  Scene scene = test::littleOfEverything();
+  scene.images[0] = test::noiseImage(1000, 1001, 3, false, 1);
+  const Image image = scene.images[0];
+  const auto bytes = bundleBytes(makeModel(std::move(scene), {.voxels = false}), littleFacts(0));
+  BundleReadOptions options;
+  options.textures = std::make_shared<TextureCache>(2u << 20, 0, "/not/there");
+  const Model model = modelOf(readBundle(bytes, nullptr, "x.trex", options));
+  const std::vector<Image>& images = model.scene.images;
+  ASSERT_TRUE(images[0].paged);
+  EXPECT_FALSE(images[1].paged);  // no larger than a tile
+  Texture t;
+  for (int i = 0; i < 1000; ++i) {
+    const vec2 uv(0.001f * static_cast<float>(i), 0.0137f * static_cast<float>(i));
+    ASSERT_EQ(sampleTexture(images[0], t, uv, true), sampleTexture(image, t, uv, true));
+  }
+  EXPECT_LE(options.textures->statistics().peakBytes, 2u << 20);
+  EXPECT_TRUE(bundleBytes(model, littleFacts(0)) == bytes);
 }
 
 TEST_F(BundleTest, RaysMeetTheSameBits) {

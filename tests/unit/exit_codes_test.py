@@ -58,6 +58,7 @@ ROWS = """
 2 | nobody                | render {cornell} -o {png} --camera nobody
 2 | 0,0,0/0,0,1/0,1,0/180 | render {cornell} -o {png} --camera 0,0,0/0,0,1/0,1,0/180
 2 | much                  | render {cornell} -o {png} --max-memory much
+2 | much                  | render {cornell} -o {png} --texture-memory much
 2 | -5G                   | render {cornell} -o {png} --max-memory=-5G
 2 | env                   | render {cornell} -o {png} --env 1,2
 2 | -1,0,0                | render {cornell} -o {png} --env=-1,0,0

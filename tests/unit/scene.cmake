@@ -11,3 +11,7 @@ target_link_libraries(scene_test PRIVATE trex_scene trex_openimageio GTest::gtes
 target_compile_definitions(scene_test PRIVATE
   TREX_SOURCE_DIR="${CMAKE_CURRENT_LIST_DIR}/../..")
 trex_gtest(scene_test)
+
+add_executable(texture_cache_test ${CMAKE_CURRENT_LIST_DIR}/texture_cache_test.cpp)
+target_link_libraries(texture_cache_test PRIVATE trex_scene trex_openimageio GTest::gtest_main)
+trex_gtest(texture_cache_test)
