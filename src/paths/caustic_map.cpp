@@ -1,0 +1,285 @@
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "src/paths/caustics.h"
+
+namespace trex {
+namespace {
+
+constexpr float kSameFacing = 0.7f;  // cosine of normals from which on photons lie on one surface
+constexpr float kOffPlane = 0.3f;    // of the radius: farther off the tangent plane is another one
+constexpr float kWidest = 0.1f;      // of the scene's radius
+constexpr float kGrazing = 1e-3f;    // cosine
+
+/// Epanechnikov's, over a disk.
+float kernel(float distance2, float radius) {
+  const float square = radius * radius;
+  return 2.0f * kInvPi * std::max(0.0f, 1.0f - distance2 / square) / square;
+}
+
+/// Whether light of a photon may be taken at a point of a surface.
+bool sameSurface(const CausticPhoton& photon, const vec3& point, const vec3& normal, float radius) {
+  return std::abs(glm::dot(photon.normal, normal)) >= kSameFacing &&
+         std::abs(glm::dot(photon.position - point, normal)) <= kOffPlane * radius;
+}
+
+/// What a photon's disk is: how wide, and what the photon's power takes so that nothing is lost
+/// beyond edges.
+struct Spot {
+  std::uint32_t level = 0;
+  float gain = 1.0f;
+};
+
+/// A probe looks at a random point of a photon's disk: what its kernel brings there to a surface,
+/// over what it would bring to a plane. Nothing beyond an edge.
+///
+/// First probes halve a disk until one finds something. Then the gain is 1 over the share s of the
+/// kernel that finds surfaces. Of n points in it and one more that does, n + 1 over those that do
+/// is (1 - (1 - s)^(n + 1)) / s on average; how many more are wanted until one does, where n + 1 do
+/// not, is the rest.
+struct Probe : Walk {
+  enum class Asks : std::uint8_t { kNarrower, kShare, kOne, kHowMany };
+  Asks asks = Asks::kNarrower;
+  int points = 0;      ///< of kShare and kHowMany, so far
+  float sum = 1.0f;    ///< what they brought
+  float radius = 0.0f;  ///< of the disk
+  float away = 0.0f;   ///< of the point, from the photon
+  int layers = 0;      ///< that the probe has passed
+};
+
+struct Probes {
+  using State = Probe;
+  static constexpr bool kAnyHit = false;
+  using Found = FindsNothing;
+  static constexpr int kLayers = 8, kPoints = 3, kMostPoints = 64;
+
+  std::span<const CausticPhoton> photons;
+  const CausticWidths& widths;
+  float shrink;
+  const RayScene& rays;
+  std::vector<Spot>& spots;  ///< by photon
+
+  Sampler sampler(std::uint32_t walk) const { return Sampler(0x73706f74u, walk, 0); }
+  bool begin(Probe& walk, Sampler& sampler) const;
+  bool advance(Probe& walk, Sampler& sampler, const WalkEnd& end, Findings<FindsNothing>&) const;
+
+ private:
+  void look(Probe& walk, Sampler& sampler) const;
+  bool pass(Probe& walk, const WalkEnd& end, float& brings) const;
+  bool goesOn(Probe& walk, float brings) const;
+};
+
+bool Probes::begin(Probe& walk, Sampler& sampler) const {
+  Spot& spot = spots[walk.number];
+  spot.level = widths.level(photons[walk.number], sampler.next2D());
+  if (spot.level == 0) walk.asks = Probe::Asks::kShare;
+  look(walk, sampler);
+  return true;
+}
+
+/// A new probe.
+void Probes::look(Probe& walk, Sampler& sampler) const {
+  const CausticPhoton& photon = photons[walk.number];
+  walk.radius = widths.radius(spots[walk.number].level) * shrink;
+  const Basis basis(photon.normal);
+  // Of the kernel's density: 1 - (1 - (r / radius)^2)^2 is uniform.
+  const vec2 u = sampler.next2D();
+  walk.away = walk.radius * std::sqrt(1.0f - std::sqrt(1.0f - u.x));
+  const float phi = 2.0f * kPi * u.y;
+  const vec3 aside = walk.away * (std::cos(phi) * basis.tangent + std::sin(phi) * basis.bitangent);
+  const vec3 up = glm::dot(photon.towards, photon.normal) < 0.0f ? -photon.normal : photon.normal;
+  const float height = 1.5f * kOffPlane * walk.radius;
+  walk.start = dvec3(photon.position + aside + height * up);
+  walk.direction = -up;
+  walk.end = 2.0f * height;
+  walk.layers = 0;
+}
+
+bool Probes::advance(Probe& walk, Sampler& sampler, const WalkEnd& end,
+                     Findings<FindsNothing>&) const {
+  float brings = 0.0f;
+  if (end.met() && pass(walk, end, brings)) return true;
+  if (!goesOn(walk, brings)) return false;
+  look(walk, sampler);
+  return true;
+}
+
+/// Whether the probe goes on behind a surface that is another one; else what it brings.
+bool Probes::pass(Probe& walk, const WalkEnd& end, float& brings) const {
+  const CausticPhoton& photon = photons[walk.number];
+  const Surface surface = rays.surface(end.hit);
+  const vec3 point(surface.position), off = point - photon.position;
+  if (sameSurface(photon, point, surface.geometricNormal, walk.radius)) {
+    const float cosine = std::abs(glm::dot(surface.geometricNormal, photon.normal));
+    brings = kernel(glm::dot(off, off), walk.radius) /
+             (kernel(walk.away * walk.away, walk.radius) * cosine);
+    return false;
+  }
+  walk.start = surface.leave();
+  walk.end -= end.hit.t;
+  return ++walk.layers < kLayers;
+}
+
+/// Whether another probe is wanted, and for what.
+bool Probes::goesOn(Probe& walk, float brings) const {
+  Spot& spot = spots[walk.number];
+  switch (walk.asks) {
+    case Probe::Asks::kNarrower:
+      if (!(brings <= 0.0f) || --spot.level == 0) walk.asks = Probe::Asks::kShare;
+      return true;
+    case Probe::Asks::kShare:
+      walk.sum += brings;
+      if (++walk.points < kPoints) return true;
+      spot.gain = (kPoints + 1) / walk.sum;
+      walk.asks = Probe::Asks::kOne;
+      return !(walk.sum > 1.0f);
+    case Probe::Asks::kOne:
+      if (brings > 0.0f) return false;
+      walk.asks = Probe::Asks::kHowMany;
+      walk.points = 0;
+      break;
+    case Probe::Asks::kHowMany:
+      if (brings > 0.0f || ++walk.points == kMostPoints) return false;
+      break;
+  }
+  spot.gain += 1.0f;
+  return true;
+}
+
+}  // namespace
+
+CausticWidths::CausticWidths(std::span<const CausticPhoton> photons, float scene, double wanted)
+    : scene_(scene), wanted_(wanted) {
+  // Cells of a level lie in those of the next: where none has enough, none of the finer ones has.
+  bool enough = true;
+  for (std::uint32_t level = kLevels - 1; level-- > 0 && enough;) {
+    enough = false;
+    for (const CausticPhoton& p : photons) {
+      enough |= ++counts_[level][key(p.position, level)] >= leastInCell();
+    }
+  }
+}
+
+float CausticWidths::radius(std::uint32_t level) const {
+  return kWidest * scene_ * std::exp2(static_cast<float>(level) - (kLevels - 1.0f));
+}
+
+/// Of the cell, two radii wide, that a place lies in.
+std::uint64_t CausticWidths::key(const vec3& position, std::uint32_t level) const {
+  const vec3 cell = glm::floor(position / (2.0f * radius(level)));
+  std::uint64_t key = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    key =
+        key << 21 | (static_cast<std::uint64_t>(static_cast<std::int64_t>(cell[axis])) & 0x1fffffu);
+  }
+  return key;
+}
+
+std::uint32_t CausticWidths::level(const CausticPhoton& photon, vec2 u) const {
+  const Basis basis(photon.normal);
+  const vec3 aside = basis.tangent * (2.0f * u.x - 1.0f) + basis.bitangent * (2.0f * u.y - 1.0f);
+  for (std::uint32_t level = 0; level + 1 < kLevels; ++level) {
+    const auto at = counts_[level].find(key(photon.position + radius(level) * aside, level));
+    if (at != counts_[level].end() && at->second >= leastInCell()) return level;
+  }
+  return kLevels - 1;
+}
+
+CausticMap::CausticMap(std::span<const CausticPhoton> photons, const CausticWidths& widths,
+                       float shrink, const WalkTracer& walks) {
+  std::vector<Spot> spots(photons.size());
+  const Probes probes{photons, widths, shrink, walks.rays(), spots};
+  walks.follow(probes, static_cast<std::uint32_t>(photons.size()));
+  std::array<std::vector<CausticPhoton>, CausticWidths::kLevels> byLevel;
+  for (std::size_t i = 0; i < photons.size(); ++i) {
+    byLevel[spots[i].level].push_back(photons[i]);
+    byLevel[spots[i].level].back().power *= spots[i].gain;
+  }
+  for (std::uint32_t level = 0; level < CausticWidths::kLevels; ++level) {
+    if (byLevel[level].empty()) continue;
+    grids_.emplace_back(std::move(byLevel[level]), widths.radius(level) * shrink);
+  }
+}
+
+std::size_t CausticMap::size() const {
+  std::size_t sum = 0;
+  for (const Grid& grid : grids_) sum += grid.photons.size();
+  return sum;
+}
+
+CausticMap::Grid::Grid(std::vector<CausticPhoton> all, float width)
+    : radius(width), photons(std::move(all)) {
+  std::vector<std::pair<std::size_t, Entry>> placed;
+  std::size_t buckets = 1;
+  while (buckets < 2 * photons.size()) buckets *= 2;
+  firsts.assign(buckets + 1, 0);
+  occupied.assign((buckets * kBitsOfBucket + 63) / 64, 0);
+  for (std::uint32_t i = 0; i < photons.size(); ++i) {
+    const vec3& p = photons[i].position;
+    const glm::ivec3 lower = cell(p - radius), upper = glm::min(cell(p + radius), lower + 1);
+    for (glm::ivec3 c = lower; c.z <= upper.z; ++c.z) {
+      for (c.y = lower.y; c.y <= upper.y; ++c.y) {
+        for (c.x = lower.x; c.x <= upper.x; ++c.x) {
+          const std::uint32_t h = hash(c);
+          placed.emplace_back(h & (buckets - 1), Entry{p, i << 3 | parity(c)});
+          ++firsts[placed.back().first + 1];
+          occupied[bit(h) / 64] |= std::uint64_t{1} << bit(h) % 64;
+        }
+      }
+    }
+  }
+  for (std::size_t i = 1; i <= buckets; ++i) firsts[i] += firsts[i - 1];
+  std::vector<std::uint32_t> next(firsts.begin(), firsts.end() - 1);
+  entries.resize(placed.size());
+  for (const auto& [at, entry] : placed) entries[next[at]++] = entry;
+}
+
+glm::ivec3 CausticMap::Grid::cell(const vec3& position) const {
+  constexpr float kMost = 1e9f;  // so that it fits an integer
+  const vec3 at = glm::clamp(position / (2.0f * radius), vec3(-kMost), vec3(kMost));
+  const glm::ivec3 towardsZero(at);
+  return towardsZero - glm::ivec3(glm::lessThan(at, vec3(towardsZero)));
+}
+
+std::uint32_t CausticMap::Grid::hash(const glm::ivec3& c) {
+  const glm::uvec3 u(c);
+  const std::uint32_t key =
+      (u.x * 0x9e3779b1u ^ u.y * 0x85ebca77u ^ u.z * 0xc2b2ae3du) * 0x27d4eb2fu;
+  return key ^ key >> 15;
+}
+
+/// Calls use(photon, distance^2) for all within the radius.
+template <typename Use>
+void CausticMap::Grid::forNear(const vec3& position, const Use& use) const {
+  const glm::ivec3 here = cell(position);
+  const std::uint32_t h = hash(here);
+  if ((occupied[bit(h) / 64] >> bit(h) % 64 & 1u) == 0) return;
+  const std::size_t b = h & (firsts.size() - 2);
+  for (std::uint32_t i = firsts[b]; i < firsts[b + 1]; ++i) {
+    const Entry& entry = entries[i];
+    const vec3 off = entry.position - position;
+    const float distance2 = glm::dot(off, off);
+    if (distance2 >= radius * radius || (entry.photon & 7u) != parity(here)) continue;
+    use(photons[entry.photon >> 3], distance2);
+  }
+}
+
+vec3 CausticMap::radiance(const Surface& surface, const Bsdf& bsdf, bool sharpToo) const {
+  vec3 sum(0.0f);
+  if (!sharpToo && !bsdf.hasBroad()) return sum;
+  const vec3 at(surface.position), normal = bsdf.geometricNormal();
+  for (const Grid& grid : grids_) {
+    grid.forNear(at, [&](const CausticPhoton& p, float distance2) {
+      if (!sameSurface(p, at, normal, grid.radius)) return;
+      // Flux is by the surface's own area, what evaluate() takes by area across the light.
+      const float cosine = std::max(std::abs(glm::dot(p.towards, normal)), kGrazing);
+      const LobeKind kind = sharpToo && !p.blurred ? LobeKind::kAll : LobeKind::kBroad;
+      sum += bsdf.evaluate(p.towards, kind) * p.power * (kernel(distance2, grid.radius) / cosine);
+    });
+  }
+  return sum;
+}
+
+}  // namespace trex

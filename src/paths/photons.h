@@ -1,0 +1,44 @@
+// First flights of photons: from a light, through specular chains, to the first surface that can
+// hold light. They are C-rays, so direct light and caustics in the cache are sharp [Jensen 1996].
+// C-rays may also carry photons on to the end of their way: voxels know no media, and where the
+// device shares the host's cores rays between real surfaces cost less than their way through voxels
+// (docs/figures.md).
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "src/crays/lights.h"
+#include "src/paths/walk_tracer.h"
+
+namespace trex {
+
+struct LandedPhoton {
+  vec3 position, normal;  ///< normal: geometric, unit, on the side the light came from
+  vec3 power;             ///< W, as EmittedPhoton
+  std::uint32_t index;
+  std::uint32_t source;  ///< this and the rest as in EmittedPhoton
+  vec4 primary;
+  float density;
+  std::uint32_t bounce;  ///< landings of this photon before
+};
+
+/// Traces photons first, first + 1, ... first + count - 1; those that land, in the order of their
+/// numbers and, with `allBounces`, of their landings; without, only the first is there.
+/// Deterministic: see WalkTracer::follow(); none if `giveUp` said so. `guides` as in
+/// LightSet::emit.
+std::optional<std::vector<LandedPhoton>> landPhotons(const Scene& scene, const WalkTracer& walks,
+                                                     const LightSet& lights, std::uint32_t seed,
+                                                     std::uint64_t first, std::uint64_t count,
+                                                     bool allBounces,
+                                                     std::span<const EmissionGuide> guides = {},
+                                                     const PageRounds::GiveUp& giveUp = {});
+
+/// Teaches the guides which photons landed where light is wanted, in their order. Returns how many
+/// of the sources with a guide did.
+std::size_t learn(std::span<const LandedPhoton> landed, const ImportanceMap& importance,
+                  std::span<EmissionGuide> guides);
+
+}  // namespace trex
