@@ -7,6 +7,7 @@
 #include "src/crays/lights_detail.h"
 #include "src/crays/microfacet.h"
 #include "src/crays/ray_scene_parts.h"
+#include "src/paths/walk_tracer.h"
 
 namespace trex {
 namespace {
@@ -290,7 +291,7 @@ struct CausticLights::PilotPhotons : Photons {
     return Photons::begin(photon, start);
   }
   bool advance(Photon& photon, Sampler& sampler, const WalkEnd& end,
-               Findings<FindsNothing>&) const {
+               WalkFindings<FindsNothing>&) const {
     return Photons::advance(photon, sampler, end, [&](const CausticPhoton& landed) {
       pilots[photon.number].flux += luminance(landed.power);
     });
@@ -328,7 +329,7 @@ struct CausticLights::MapPhotons : Photons {
     return Photons::begin(photon, start);
   }
   bool advance(Photon& photon, Sampler& sampler, const WalkEnd& end,
-               Findings<CausticPhoton>& landed) const {
+               WalkFindings<CausticPhoton>& landed) const {
     return Photons::advance(photon, sampler, end,
                             [&](const CausticPhoton& at) { landed.add(photon, at); });
   }

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "src/paths/caustics.h"
+#include "src/paths/walk_tracer.h"
 
 namespace trex {
 namespace {
@@ -42,11 +43,11 @@ struct Spot {
 struct Probe : Walk {
   enum class Asks : std::uint8_t { kNarrower, kShare, kOne, kHowMany };
   Asks asks = Asks::kNarrower;
-  int points = 0;      ///< of kShare and kHowMany, so far
-  float sum = 1.0f;    ///< what they brought
+  int points = 0;       ///< of kShare and kHowMany, so far
+  float sum = 1.0f;     ///< what they brought
   float radius = 0.0f;  ///< of the disk
-  float away = 0.0f;   ///< of the point, from the photon
-  int layers = 0;      ///< that the probe has passed
+  float away = 0.0f;    ///< of the point, from the photon
+  int layers = 0;       ///< that the probe has passed
 };
 
 struct Probes {
@@ -63,7 +64,8 @@ struct Probes {
 
   Sampler sampler(std::uint32_t walk) const { return Sampler(0x73706f74u, walk, 0); }
   bool begin(Probe& walk, Sampler& sampler) const;
-  bool advance(Probe& walk, Sampler& sampler, const WalkEnd& end, Findings<FindsNothing>&) const;
+  bool advance(Probe& walk, Sampler& sampler, const WalkEnd& end,
+               WalkFindings<FindsNothing>&) const;
 
  private:
   void look(Probe& walk, Sampler& sampler) const;
@@ -98,7 +100,7 @@ void Probes::look(Probe& walk, Sampler& sampler) const {
 }
 
 bool Probes::advance(Probe& walk, Sampler& sampler, const WalkEnd& end,
-                     Findings<FindsNothing>&) const {
+                     WalkFindings<FindsNothing>&) const {
   float brings = 0.0f;
   if (end.met() && pass(walk, end, brings)) return true;
   if (!goesOn(walk, brings)) return false;

@@ -22,9 +22,10 @@
 
 #include "src/crays/bsdf.h"
 #include "src/crays/photon_guide.h"
-#include "src/paths/walk_tracer.h"
 
 namespace trex {
+
+class WalkTracer;
 
 /// A photon where a surface scatters it.
 struct CausticPhoton {
@@ -165,8 +166,7 @@ class CausticMaps {
   /// Whether a scene has caustics: point-like lights, and mirrors or glass.
   static bool needed(const Scene& scene);
   /// Costs nothing yet.
-  CausticMaps(const Scene& scene, const WalkTracer& walks, std::uint64_t pixels,
-              std::uint32_t seed)
+  CausticMaps(const Scene& scene, const WalkTracer& walks, std::uint64_t pixels, std::uint32_t seed)
       : scene_(scene), walks_(walks), pixels_(pixels), seed_(seed) {}
 
   /// Makes the maps of these samples and forgets old ones. Not while find() is called.

@@ -20,12 +20,12 @@
 
 #include "src/crays/bsdf.h"
 #include "src/crays/camera_rays.h"
-#include "src/crays/caustics.h"
 #include "src/crays/clear_path.h"
 #include "src/crays/light_cache.h"
 #include "src/crays/lights.h"
 #include "src/crays/plain_lanes.h"
 #include "src/crays/ray_scene.h"
+#include "src/paths/caustics.h"
 #include "src/paths/path_sample.h"
 
 namespace trex {

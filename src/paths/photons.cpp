@@ -5,6 +5,7 @@
 #include "src/crays/bsdf.h"
 #include "src/crays/clear_path.h"
 #include "src/crays/lights_detail.h"
+#include "src/paths/walk_tracer.h"
 
 namespace trex {
 namespace {
@@ -42,13 +43,13 @@ struct Photons {
   Sampler sampler(std::uint32_t walk) const { return Sampler(0x70686f74u, first + walk, seed); }
   bool begin(Photon& photon, Sampler& sampler) const;
   bool advance(Photon& photon, Sampler& sampler, const WalkEnd& end,
-               Findings<LandedPhoton>& landed) const;
+               WalkFindings<LandedPhoton>& landed) const;
 
  private:
   bool meet(Photon& photon, Sampler& sampler, const RayHit& hit,
-            Findings<LandedPhoton>& landed) const;
+            WalkFindings<LandedPhoton>& landed) const;
   bool land(Photon& photon, const Surface& surface, const Bsdf& bsdf,
-            Findings<LandedPhoton>& landed) const;
+            WalkFindings<LandedPhoton>& landed) const;
   bool scatter(Photon& photon, Sampler& sampler, const Surface& surface, const Bsdf& bsdf) const;
 };
 
@@ -72,8 +73,7 @@ bool scatterInMedium(const MediaCollision& collision, Sampler& sampler, Photon& 
   const float survival = maxComponent(collision.albedo);
   if (!(survival > 0.0f) || sampler.next1D() >= survival) return false;
   photon.power *= collision.albedo / survival;
-  photon.start =
-      photon.start.position + dvec3(photon.direction) * double(collision.distance);
+  photon.start = photon.start.position + dvec3(photon.direction) * double(collision.distance);
   photon.direction =
       sampleHenyeyGreenstein(photon.direction, collision.anisotropy, sampler.next2D());
   photon.range.advance(collision.distance);
@@ -84,7 +84,7 @@ bool scatterInMedium(const MediaCollision& collision, Sampler& sampler, Photon& 
 }
 
 bool Photons::advance(Photon& photon, Sampler& sampler, const WalkEnd& end,
-                      Findings<LandedPhoton>& landed) const {
+                      WalkFindings<LandedPhoton>& landed) const {
   if (end.closed()) return false;
   const Media* const media = rays.media();
   MediaCollision collision;
@@ -98,7 +98,7 @@ bool Photons::advance(Photon& photon, Sampler& sampler, const WalkEnd& end,
 }
 
 bool Photons::meet(Photon& photon, Sampler& sampler, const RayHit& hit,
-                   Findings<LandedPhoton>& landed) const {
+                   WalkFindings<LandedPhoton>& landed) const {
   photon.range.advance(hit.t);
   const Surface surface = rays.surface(hit);
   const Bsdf bsdf(scene, surface, -photon.direction);
@@ -113,7 +113,7 @@ bool Photons::meet(Photon& photon, Sampler& sampler, const RayHit& hit,
 
 /// False if it ends there.
 bool Photons::land(Photon& photon, const Surface& surface, const Bsdf& bsdf,
-                   Findings<LandedPhoton>& landed) const {
+                   WalkFindings<LandedPhoton>& landed) const {
   if (photon.turns + 2 > scene.maxBounces) return false;
   const vec3 power = photon.power * photon.range.factor();
   if (!isFinite(power) || !(maxComponent(power) > 0.0f)) return false;
@@ -152,11 +152,12 @@ std::optional<std::vector<LandedPhoton>> landPhotons(const Scene& scene, const W
                                                      std::uint64_t first, std::uint64_t count,
                                                      bool allBounces,
                                                      std::span<const EmissionGuide> guides,
-                                                     const PageRounds::GiveUp& giveUp) {
-  const Photons photons{scene, walks.rays(), lights, guides, seed,
-                        static_cast<std::uint32_t>(first), allBounces};
+                                                     const std::function<bool()>& giveUp) {
+  const Photons photons{
+      scene, walks.rays(), lights, guides, seed, static_cast<std::uint32_t>(first), allBounces};
   std::vector<LandedPhoton> landed;
-  if (!walks.follow(photons, static_cast<std::uint32_t>(count), landed, giveUp)) return std::nullopt;
+  if (!walks.follow(photons, static_cast<std::uint32_t>(count), landed, giveUp))
+    return std::nullopt;
   return landed;
 }
 

@@ -6,14 +6,16 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "src/crays/lights.h"
-#include "src/paths/walk_tracer.h"
 
 namespace trex {
+
+class WalkTracer;
 
 struct LandedPhoton {
   vec3 position, normal;  ///< normal: geometric, unit, on the side the light came from
@@ -34,7 +36,7 @@ std::optional<std::vector<LandedPhoton>> landPhotons(const Scene& scene, const W
                                                      std::uint64_t first, std::uint64_t count,
                                                      bool allBounces,
                                                      std::span<const EmissionGuide> guides = {},
-                                                     const PageRounds::GiveUp& giveUp = {});
+                                                     const std::function<bool()>& giveUp = {});
 
 /// Teaches the guides which photons landed where light is wanted, in their order. Returns how many
 /// of the sources with a guide did.

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "src/crays/bsdf.h"
-#include "src/crays/caustics.h"
 #include "src/crays/lights.h"
 #include "src/crays/plain_lanes.h"
+#include "src/paths/caustics.h"
 #include "src/paths/path_sample.h"
 #include "src/paths/path_state.h"
 

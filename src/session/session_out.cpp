@@ -3,6 +3,7 @@
 
 #include "src/core/clock.h"
 #include "src/core/error.h"
+#include "src/paths/walk_tracer.h"
 #include "src/session/checkpoint.h"
 #include "src/session/session.h"
 
@@ -113,7 +114,8 @@ void Session::addLayers(std::uint32_t x, std::uint32_t y, std::vector<float>& va
 SessionReport Session::report() const {
   SessionReport out = report_;
   out.pages = model_->rays->pageStatistics();
-  if (source_.batched) out.traffic = source_.batched->report();
+  out.traffic = walks_->report();
+  if (source_.batched) out.traffic.add(source_.batched->report());
   out.samplesDone = samplesDone();
   out.rays = samples_.rays();
   out.nonFinite = frame_->sums.nonFiniteCount();

@@ -1,0 +1,293 @@
+// Follows walks (walk.h) to their ends: in memory in waves, whose rays are traced as spans; where
+// pages do not fit, each as far as the pages that are there go, and then it waits in the queue of a
+// page (page_traffic.h), as paths of the camera do.
+#pragma once
+
+#include <tbb/parallel_for.h>
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "src/crays/waiting_ray.h"
+#include "src/paths/page_rounds.h"
+#include "src/paths/walk.h"
+
+namespace trex {
+
+/// follow() by one thread at a time; it uses all of the calling oneTBB arena.
+class WalkTracer {
+ public:
+  static constexpr std::size_t kWave = 16;
+
+  /// In memory, or on demand: a thread loads the page that a ray needs. `wave` walks, [1, kWave],
+  /// go together. The rays must outlive it.
+  explicit WalkTracer(const RayScene& rays, std::size_t wave = kWave) : rays_(rays), wave_(wave) {}
+  /// Walks wait for pages. `bytes`: for walks under way. All must outlive it; `record` may be null.
+  WalkTracer(const RayScene& rays, LoadChoice& choice, std::uint64_t bytes,
+             TrafficRecord* record = nullptr)
+      : rays_(rays), wave_(kWave), choice_(&choice), bytes_(bytes), record_(record) {}
+
+  const RayScene& rays() const { return rays_; }
+  /// Whether walks wait, so that many should be asked for at once.
+  bool waits() const { return choice_ != nullptr; }
+  /// Of walks that waited.
+  const PageTrafficReport& report() const { return report_; }
+
+  /// Follows walks 0 ... count - 1 and appends what they find: the same for any number of threads,
+  /// wave, and pages that are there. `giveUp`, asked by all threads while walks wait, says whether
+  /// to leave it; false if it did: what was found, here or where walks left it, is of no use then.
+  /// Throws as RayScene::intersect().
+  template <WalkKind Kind>
+  bool follow(const Kind& kind, std::uint32_t count, std::vector<typename Kind::Found>& found,
+              const PageRounds::GiveUp& giveUp = {}) const;
+  /// The same of walks that find nothing on their way.
+  template <WalkKind Kind>
+  void follow(const Kind& kind, std::uint32_t count) const {
+    std::vector<FindsNothing> nothing;
+    follow(kind, count, nothing);
+  }
+
+ private:
+  static constexpr std::uint32_t kChunk = 256;  ///< walks that a thread takes at a time
+
+  template <WalkKind Kind>
+  class Waves;
+  template <WalkKind Kind>
+  class Waiting;
+
+  const RayScene& rays_;
+  std::size_t wave_;
+  LoadChoice* choice_ = nullptr;  ///< null: nobody waits
+  std::uint64_t bytes_ = 0;
+  TrafficRecord* record_ = nullptr;
+  mutable PageTrafficReport report_;
+};
+
+/// Waves of one thread.
+template <WalkKind Kind>
+class WalkTracer::Waves {
+ public:
+  Waves(const WalkTracer& tracer, const Kind& kind) : tracer_(tracer), kind_(kind) {
+    lanes_.reserve(tracer.wave_);
+    underWay_.reserve(tracer.wave_);
+  }
+
+  /// Walks first ... end - 1.
+  void run(std::uint32_t first, std::uint32_t end, std::vector<typename Kind::Found>& found) {
+    const auto wave = static_cast<std::uint32_t>(tracer_.wave_);
+    for (; first < end; first += wave) {
+      const std::uint32_t count = std::min(wave, end - first);
+      begin(first, count);
+      while (!underWay_.empty()) {
+        trace();
+        goOn();
+      }
+      if (findings_.empty()) continue;
+      WalkFindings<typename Kind::Found>::inOrder({&findings_, 1}, first, count, found);
+      findings_.clear();
+    }
+  }
+
+ private:
+  struct Lane {
+    typename Kind::State walk;
+    Sampler sampler;
+    WalkEnd end{};
+  };
+
+  void begin(std::uint32_t first, std::uint32_t count) {
+    lanes_.clear();
+    for (std::uint32_t i = 0; i < count; ++i) {
+      Lane& lane = lanes_.emplace_back(typename Kind::State{}, kind_.sampler(first + i));
+      lane.walk.number = first + i;
+      if (kind_.begin(lane.walk, lane.sampler)) underWay_.push_back(&lane);
+    }
+  }
+
+  /// The next rays of all, as one span.
+  void trace() {
+    std::array<RayQuery, kWave> rays;
+    std::array<Lane*, kWave> of;
+    std::size_t count = 0;
+    for (Lane* lane : underWay_) {
+      const RayExit exit = lane->walk.exit;
+      lane->walk.exit = {};
+      bool open = exit.open;
+      if (exit.asks()) {
+        const RayQuery q = exit.query(lane->walk.start);
+        open = exit.settle(tracer_.rays_.occluded(q.start, q.direction, q.tnear, q.end),
+                           lane->walk.start);
+      }
+      lane->end.kind = WalkEnd::Kind::kClosed;
+      if (!open) continue;
+      rays[count] = lane->walk.query();
+      of[count++] = lane;
+    }
+    std::array<RayHit, kWave> hits;
+    std::array<std::uint8_t, kWave> met;
+    if constexpr (Kind::kAnyHit) {
+      tracer_.rays_.occluded(std::span(rays).first(count), met);
+    } else {
+      tracer_.rays_.intersect(std::span(rays).first(count), hits, met);
+    }
+    for (std::size_t i = 0; i < count; ++i) {
+      of[i]->end.kind = met[i] ? WalkEnd::Kind::kHit : WalkEnd::Kind::kNothing;
+      of[i]->end.hit = hits[i];
+    }
+  }
+
+  void goOn() {
+    std::erase_if(underWay_, [&](Lane* lane) {
+      return !kind_.advance(lane->walk, lane->sampler, lane->end, findings_);
+    });
+  }
+
+  const WalkTracer& tracer_;
+  const Kind& kind_;
+  std::vector<Lane> lanes_;
+  std::vector<Lane*> underWay_;
+  WalkFindings<typename Kind::Found> findings_;
+};
+
+/// Walks that wait for pages: first ... first + count - 1.
+template <WalkKind Kind>
+class WalkTracer::Waiting {
+ public:
+  Waiting(const WalkTracer& tracer, const Kind& kind, std::uint32_t first, std::uint32_t count)
+      : tracer_(tracer), kind_(kind), first_(first), walks_(count) {}
+
+  static std::uint64_t bytesAWalk() { return sizeof(Record) + PageQueues::bytesARay(); }
+
+  bool run(std::vector<typename Kind::Found>& found, const PageRounds::GiveUp& giveUp) {
+    const auto count = static_cast<std::uint32_t>(walks_.size());
+    PageRounds rounds(tracer_.rays_, *tracer_.choice_, tracer_.record_, count, count, giveUp);
+    std::vector<WalkFindings<typename Kind::Found>> findings(
+        static_cast<std::size_t>(rounds.threads()));
+    const bool whole = rounds.run([&](unsigned thread) {
+      PageWork work;
+      PageWorkDone done;
+      Turn turn{rounds, done, findings[thread]};
+      while (rounds.next(work, done, thread)) {
+        for (std::uint64_t i = work.first; i < work.end && work.page == PageWork::kBegin; ++i) {
+          begin(static_cast<std::uint32_t>(i), turn);
+        }
+        for (const std::uint32_t i : work.rays) {
+          Sampler sampler(walks_[i].random);
+          goOn(i, sampler, turn);
+        }
+        rounds.finish(work, done, thread);
+      }
+    });
+    tracer_.report_.add(rounds.report());
+    if (whole) WalkFindings<typename Kind::Found>::inOrder(findings, first_, count, found);
+    return whole;
+  }
+
+ private:
+  struct Record {
+    typename Kind::State walk{};
+    WaitingRay ray{};
+    Sampler::State random{};
+  };
+  /// A piece of work.
+  struct Turn {
+    PageRounds& rounds;
+    PageWorkDone& done;
+    WalkFindings<typename Kind::Found>& found;
+  };
+
+  void begin(std::uint32_t i, Turn& turn) {
+    Record& record = walks_[i];
+    record.walk.number = first_ + i;
+    Sampler sampler = kind_.sampler(first_ + i);
+    if (!kind_.begin(record.walk, sampler)) {
+      ++turn.done.ended;
+      return;
+    }
+    goOn(i, sampler, turn);
+  }
+
+  /// As far as the pages that are there go.
+  void goOn(std::uint32_t i, Sampler& sampler, Turn& turn) {
+    Record& record = walks_[i];
+    WalkEnd end;
+    std::uint32_t page = 0;
+    do {
+      if (!trace(record, end, page)) {
+        record.random = sampler.state();
+        return turn.rounds.wait(i, page, turn.done);
+      }
+      record.ray = WaitingRay();
+    } while (kind_.advance(record.walk, sampler, end, turn.found));
+    ++turn.done.ended;
+  }
+
+  /// The end of its ray. False if it waits for a page.
+  bool trace(Record& record, WalkEnd& end, std::uint32_t& page) const {
+    const RayScene& rays = tracer_.rays_;
+    Walk& walk = record.walk;
+    WaitingRay& ray = record.ray;
+    if (walk.exit.asks()) {
+      if (!rays.occludedHere(walk.exit.query(walk.start), ray)) {
+        page = ray.page();
+        return false;
+      }
+      walk.exit.open = walk.exit.settle(ray.blocked, walk.start);
+      walk.exit.lift = vec3(0.0f);
+      ray = WaitingRay();
+    }
+    end.kind = WalkEnd::Kind::kClosed;
+    if (walk.exit.open) {
+      const bool answered = Kind::kAnyHit ? rays.occludedHere(walk.query(), ray)
+                                          : rays.intersectHere(walk.query(), ray);
+      if (!answered) {
+        page = ray.page();
+        return false;
+      }
+      if (ray.hit()) {  // whose surface will be asked for
+        page = rays.pageOf(ray.best);
+        if (page != WaitingRay::kNoPage && !rays.parts().paged->cache().isHere(page)) return false;
+      }
+      const bool met = Kind::kAnyHit ? ray.blocked : ray.hit();
+      end.kind = met ? WalkEnd::Kind::kHit : WalkEnd::Kind::kNothing;
+      end.hit = ray.best;
+    }
+    walk.exit = {};
+    return true;
+  }
+
+  const WalkTracer& tracer_;
+  const Kind& kind_;
+  std::uint32_t first_;
+  std::vector<Record> walks_;
+};
+
+template <WalkKind Kind>
+bool WalkTracer::follow(const Kind& kind, std::uint32_t count,
+                        std::vector<typename Kind::Found>& found,
+                        const PageRounds::GiveUp& giveUp) const {
+  if (waits()) {
+    const std::uint64_t most =
+        std::clamp<std::uint64_t>(bytes_ / Waiting<Kind>::bytesAWalk(), kChunk, 1u << 30);
+    for (std::uint32_t first = 0; first < count;) {
+      const auto size = static_cast<std::uint32_t>(std::min<std::uint64_t>(count - first, most));
+      if (!Waiting<Kind>(*this, kind, first, size).run(found, giveUp)) return false;
+      first += size;
+    }
+    return true;
+  }
+  const std::uint32_t chunks = (count + kChunk - 1) / kChunk;
+  std::vector<std::vector<typename Kind::Found>> parts(chunks);
+  tbb::parallel_for(std::uint32_t{0}, chunks, [&](std::uint32_t chunk) {
+    Waves<Kind>(*this, kind)
+        .run(chunk * kChunk, std::min(count, (chunk + 1) * kChunk), parts[chunk]);
+  });
+  for (const auto& part : parts) found.insert(found.end(), part.begin(), part.end());
+  return true;
+}
+
+}  // namespace trex
