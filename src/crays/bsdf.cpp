@@ -57,6 +57,16 @@ vec3 Bsdf::seen(const vec3& normal, const vec3& outgoing) {
   return glm::normalize(normal + (kLeastCosine - cosine) * outgoing);
 }
 
+void prefetchTextures(const Scene& scene, const Surface& surface) {
+  const Material& material = scene.materials[surface.material];
+  for (const Texture* texture :
+       {&material.baseColorTexture, &material.metallicRoughnessTexture, &material.normalTexture}) {
+    if (!texture->present()) continue;
+    prefetchTexture(scene.images[static_cast<std::size_t>(texture->image)], *texture,
+                    surface.texCoords[texture->set]);
+  }
+}
+
 Bsdf::Bsdf(const Scene& scene, const Surface& surface, const vec3& outgoing) {
   const Material& material = scene.materials[surface.material];
   const bool front = front_ = glm::dot(surface.geometricNormal, outgoing) >= 0.0f;

@@ -215,12 +215,13 @@ struct CausticLights::Photons {
     photon.range = RangeOnTheWay(start.range);
     return photon.most > 0.0f;
   }
+  void await(const Surface& surface) const { prefetchTextures(of.scene_, surface); }
   /// Calls land(CausticPhoton) where it lands.
   template <typename Land>
   bool advance(Photon& photon, Sampler& sampler, const WalkEnd& end, const Land& land) const {
     if (!end.met()) return false;
-    arrive(photon, end.hit.t);
-    const Surface surface = of.rays_.surface(end.hit);
+    arrive(photon, end.distance);
+    const Surface& surface = end.surface;
     const Bsdf bsdf(of.scene_, surface, -photon.direction);
     if (bsdf.unlit()) return false;
     if (bsdf.coverage() < 1.0f && sampler.next1D() >= bsdf.coverage()) {

@@ -59,11 +59,11 @@ struct Probes {
   std::span<const CausticPhoton> photons;
   const CausticWidths& widths;
   float shrink;
-  const RayScene& rays;
   std::vector<Spot>& spots;  ///< by photon
 
   Sampler sampler(std::uint32_t walk) const { return Sampler(0x73706f74u, walk, 0); }
   bool begin(Probe& walk, Sampler& sampler) const;
+  static void await(const Surface&) {}
   bool advance(Probe& walk, Sampler& sampler, const WalkEnd& end,
                WalkFindings<FindsNothing>&) const;
 
@@ -111,7 +111,7 @@ bool Probes::advance(Probe& walk, Sampler& sampler, const WalkEnd& end,
 /// Whether the probe goes on behind a surface that is another one; else what it brings.
 bool Probes::pass(Probe& walk, const WalkEnd& end, float& brings) const {
   const CausticPhoton& photon = photons[walk.number];
-  const Surface surface = rays.surface(end.hit);
+  const Surface& surface = end.surface;
   const vec3 point(surface.position), off = point - photon.position;
   if (sameSurface(photon, point, surface.geometricNormal, walk.radius)) {
     const float cosine = std::abs(glm::dot(surface.geometricNormal, photon.normal));
@@ -120,7 +120,7 @@ bool Probes::pass(Probe& walk, const WalkEnd& end, float& brings) const {
     return false;
   }
   walk.start = surface.leave();
-  walk.end -= end.hit.t;
+  walk.end -= end.distance;
   return ++walk.layers < kLayers;
 }
 
@@ -192,7 +192,7 @@ std::uint32_t CausticWidths::level(const CausticPhoton& photon, vec2 u) const {
 CausticMap::CausticMap(std::span<const CausticPhoton> photons, const CausticWidths& widths,
                        float shrink, const WalkTracer& walks) {
   std::vector<Spot> spots(photons.size());
-  const Probes probes{photons, widths, shrink, walks.rays(), spots};
+  const Probes probes{photons, widths, shrink, spots};
   walks.follow(probes, static_cast<std::uint32_t>(photons.size()));
   std::array<std::vector<CausticPhoton>, CausticWidths::kLevels> byLevel;
   for (std::size_t i = 0; i < photons.size(); ++i) {

@@ -1,7 +1,6 @@
 #include "src/crays/ray_scene_surface.h"
 #include "src/paths/path_tracer.h"
 #include "src/paths/wave.h"
-#include "src/scene/texture.h"
 
 namespace trex {
 
@@ -12,7 +11,8 @@ void PathTracer::decode(Wave& wave) const {
     path->bsdf.reset();
     path->place = WavePath::kNotPlain;
     if (!decodePlain(*path, wave)) path->surface = rays_.surface(path->hit);
-    prefetchTextures(*path);
+    const bool reads = !path->isPlain() || plain_[path->surface.material].textured();
+    if (reads) prefetchTextures(scene_, path->surface);
   }
   if (wave.plainCount == 0) return;
   for (const WavePath* path : wave.underWay) {
@@ -53,18 +53,6 @@ bool PathTracer::decodePlain(WavePath& path, Wave& wave) const {
   surface.cluster = path.hit.cluster;
   surface.triangle = path.hit.triangle;
   return true;
-}
-
-void PathTracer::prefetchTextures(const WavePath& path) const {
-  const Surface& surface = path.surface;
-  if (path.isPlain() && !plain_[surface.material].textured()) return;
-  const Material& material = scene_.materials[surface.material];
-  for (const Texture* texture :
-       {&material.baseColorTexture, &material.metallicRoughnessTexture, &material.normalTexture}) {
-    if (!texture->present()) continue;
-    prefetchTexture(scene_.images[static_cast<std::size_t>(texture->image)], *texture,
-                    surface.texCoords[texture->set]);
-  }
 }
 
 /// The material of a plain surface, as Bsdf has it.

@@ -34,13 +34,13 @@ struct Importons {
   using Found = Mark;
 
   const Scene& scene;
-  const RayScene& rays;
   const CameraRays& camera;
   float width, height;
   std::uint32_t seed;
 
   Sampler sampler(std::uint32_t walk) const { return Sampler(0x696d706fu, walk, seed); }
   bool begin(Importon& walk, Sampler& sampler) const;
+  void await(const Surface& surface) const { prefetchTextures(scene, surface); }
   bool advance(Importon& walk, Sampler& sampler, const WalkEnd& end,
                WalkFindings<Mark>& marks) const;
 
@@ -48,9 +48,9 @@ struct Importons {
   static bool goesOn(Importon& walk) {
     return ++walk.bounces < kImportonBounces && walk.found < kMarks;
   }
-  bool meet(Importon& walk, Sampler& sampler, const RayHit& hit) const;
+  bool meet(Importon& walk, Sampler& sampler, const Surface& surface) const;
   bool beginLook(Importon& walk, Sampler& sampler) const;
-  bool passLayer(Importon& walk, Sampler& sampler, const RayHit& hit) const;
+  bool passLayer(Importon& walk, Sampler& sampler, const Surface& surface) const;
   bool scatter(Importon& walk, Sampler& sampler, const Surface& surface, const Bsdf& bsdf) const;
 };
 
@@ -62,8 +62,8 @@ bool Importons::begin(Importon& walk, Sampler& sampler) const {
 
 bool Importons::advance(Importon& walk, Sampler& sampler, const WalkEnd& end,
                         WalkFindings<Mark>& marks) const {
-  if (walk.look == ImportanceMap::kLooks) return end.met() && meet(walk, sampler, end.hit);
-  if (end.met() && passLayer(walk, sampler, end.hit)) return true;
+  if (walk.look == ImportanceMap::kLooks) return end.met() && meet(walk, sampler, end.surface);
+  if (end.met() && passLayer(walk, sampler, end.surface)) return true;
   if (end.kind == WalkEnd::Kind::kNothing) {  // the outside
     walk.mark.origin[walk.mark.escapes] = vec3(walk.start.position);
     walk.mark.direction[walk.mark.escapes++] = walk.direction;
@@ -74,8 +74,7 @@ bool Importons::advance(Importon& walk, Sampler& sampler, const WalkEnd& end,
 }
 
 /// The next surface of the path. False if it ends there.
-bool Importons::meet(Importon& walk, Sampler& sampler, const RayHit& hit) const {
-  const Surface surface = rays.surface(hit);
+bool Importons::meet(Importon& walk, Sampler& sampler, const Surface& surface) const {
   const Bsdf bsdf(scene, surface, -walk.direction);
   if (bsdf.unlit()) return false;
   if (bsdf.coverage() < 1.0f && sampler.next1D() >= bsdf.coverage()) {
@@ -98,8 +97,7 @@ bool Importons::beginLook(Importon& walk, Sampler& sampler) const {
 }
 
 /// A look goes on through clear layers. False if it ends there.
-bool Importons::passLayer(Importon& walk, Sampler& sampler, const RayHit& hit) const {
-  const Surface surface = rays.surface(hit);
+bool Importons::passLayer(Importon& walk, Sampler& sampler, const Surface& surface) const {
   const Bsdf bsdf(scene, surface, -walk.direction);
   if (bsdf.unlit()) return false;
   if (bsdf.coverage() >= 1.0f || sampler.next1D() < bsdf.coverage()) {
@@ -134,6 +132,7 @@ struct SunRays {
   std::vector<std::uint8_t>& lit;  ///< by reader
 
   static Sampler sampler(std::uint32_t walk) { return Sampler(0, walk, 0); }
+  static void await(const Surface&) {}
   bool begin(Walk& walk, Sampler&) const {
     walk.start = readers[walk.number].start;
     walk.direction = -towards;
@@ -153,7 +152,7 @@ ImportanceMap traceImportons(const Scene& scene, const WalkTracer& walks, const 
   const Box3f bounds = walks.rays().bounds();
   if (bounds.empty()) return {};
   const Importons importons{
-      scene, walks.rays(), camera, static_cast<float>(width), static_cast<float>(height), seed};
+      scene, camera, static_cast<float>(width), static_cast<float>(height), seed};
   std::vector<Mark> marks;
   walks.follow(importons, paths, marks);
   return ImportanceMap(bounds, marks);

@@ -82,7 +82,6 @@ class PathTracer {
 
   void decode(Wave& wave) const;
   bool decodePlain(WavePath& path, Wave& wave) const;
-  void prefetchTextures(const WavePath& path) const;
   void colourPlain(const WavePath& path, Wave& wave) const;
   void finishPlain(WavePath& path, const Wave& wave) const;
   const Bsdf& bsdfOf(WavePath& path) const;

@@ -33,7 +33,7 @@ struct Photons {
   using Found = LandedPhoton;
 
   const Scene& scene;
-  const RayScene& rays;
+  const Media* media;  ///< null if there is none
   const LightSet& lights;
   std::span<const EmissionGuide> guides;
   std::uint32_t seed;
@@ -42,11 +42,12 @@ struct Photons {
 
   Sampler sampler(std::uint32_t walk) const { return Sampler(0x70686f74u, first + walk, seed); }
   bool begin(Photon& photon, Sampler& sampler) const;
+  void await(const Surface& surface) const { prefetchTextures(scene, surface); }
   bool advance(Photon& photon, Sampler& sampler, const WalkEnd& end,
                WalkFindings<LandedPhoton>& landed) const;
 
  private:
-  bool meet(Photon& photon, Sampler& sampler, const RayHit& hit,
+  bool meet(Photon& photon, Sampler& sampler, const WalkEnd& end,
             WalkFindings<LandedPhoton>& landed) const;
   bool land(Photon& photon, const Surface& surface, const Bsdf& bsdf,
             WalkFindings<LandedPhoton>& landed) const;
@@ -86,21 +87,20 @@ bool scatterInMedium(const MediaCollision& collision, Sampler& sampler, Photon& 
 bool Photons::advance(Photon& photon, Sampler& sampler, const WalkEnd& end,
                       WalkFindings<LandedPhoton>& landed) const {
   if (end.closed()) return false;
-  const Media* const media = rays.media();
   MediaCollision collision;
   if (media != nullptr && media->collide(photon.start.position, photon.direction,
-                                         end.met() ? end.hit.t : kInfinity, sampler, collision)) {
+                                         end.met() ? end.distance : kInfinity, sampler, collision)) {
     if (!photon.scatters || !scatterInMedium(collision, sampler, photon)) return false;
-  } else if (!end.met() || !meet(photon, sampler, end.hit, landed)) {
+  } else if (!end.met() || !meet(photon, sampler, end, landed)) {
     return false;
   }
   return ++photon.bounce < kPhotonBounces;
 }
 
-bool Photons::meet(Photon& photon, Sampler& sampler, const RayHit& hit,
+bool Photons::meet(Photon& photon, Sampler& sampler, const WalkEnd& end,
                    WalkFindings<LandedPhoton>& landed) const {
-  photon.range.advance(hit.t);
-  const Surface surface = rays.surface(hit);
+  photon.range.advance(end.distance);
+  const Surface& surface = end.surface;
   const Bsdf bsdf(scene, surface, -photon.direction);
   if (bsdf.unlit()) return false;
   if (bsdf.coverage() < 1.0f && sampler.next1D() >= bsdf.coverage()) {
@@ -154,7 +154,7 @@ std::optional<std::vector<LandedPhoton>> landPhotons(const Scene& scene, const W
                                                      std::span<const EmissionGuide> guides,
                                                      const std::function<bool()>& giveUp) {
   const Photons photons{
-      scene, walks.rays(), lights, guides, seed, static_cast<std::uint32_t>(first), allBounces};
+      scene, walks.rays().media(), lights, guides, seed, static_cast<std::uint32_t>(first), allBounces};
   std::vector<LandedPhoton> landed;
   if (!walks.follow(photons, static_cast<std::uint32_t>(count), landed, giveUp))
     return std::nullopt;

@@ -4,8 +4,10 @@
 // alone.
 #pragma once
 
+#include <algorithm>
 #include <concepts>
 #include <cstdint>
+#include <new>
 #include <span>
 #include <type_traits>
 #include <vector>
@@ -41,8 +43,14 @@ struct WalkEnd {
     kClosed,   ///< it could not leave its triangle
   };
   Kind kind = Kind::kNothing;
-  RayHit hit{};  ///< of kHit, unless of any hit
+  float distance = 0.0f;  ///< of kHit this and the surface, unless of any hit
+  Surface surface{};
 
+  /// Of a hit. The surface is made in its place: a copy takes a hundredth of a photon.
+  void take(const RayScene& rays, const RayHit& hit) {
+    distance = hit.t;
+    ::new (static_cast<void*>(&surface)) Surface(rays.surface(hit));
+  }
   bool met() const { return kind == Kind::kHit; }
   bool closed() const { return kind == Kind::kClosed; }
 };
@@ -53,13 +61,11 @@ template <typename T>
 class WalkFindings {
  public:
   void add(Walk& walk, const T& what) { all_.push_back({walk.number, walk.found++, what}); }
-  bool empty() const { return all_.empty(); }
-  void clear() { all_.clear(); }
-
   /// Appends the findings of walks first ... first + count - 1, which all are in `parts`, by walk,
   /// those of a walk in its order.
   static void inOrder(std::span<const WalkFindings> parts, std::uint32_t first, std::uint32_t count,
                       std::vector<T>& out) {
+    if (std::ranges::all_of(parts, [](const WalkFindings& part) { return part.all_.empty(); })) return;
     std::vector<std::size_t> places(count + std::size_t{1}, 0);
     for (const WalkFindings& part : parts) {
       for (const Entry& e : part.all_) ++places[e.walk - first + 1];
@@ -90,6 +96,7 @@ struct FindsNothing {};
 ///   Found      what it finds on its way, or FindsNothing
 ///   sampler()  the random numbers of a walk
 ///   begin()    makes its first ray; `walk.number` is set. False if there is none
+///   await()    asks for what advance() will read of a surface from memory
 ///   advance()  what happens at the end of a ray; makes the next one. False if the walk ends there
 template <typename Kind>
 concept WalkKind = std::derived_from<typename Kind::State, Walk> &&
@@ -98,6 +105,7 @@ concept WalkKind = std::derived_from<typename Kind::State, Walk> &&
     requires(const Kind& kind, typename Kind::State& walk, Sampler& sampler, const WalkEnd& end,
              WalkFindings<typename Kind::Found>& found) {
   { kind.sampler(std::uint32_t{}) } -> std::same_as<Sampler>;
+  kind.await(end.surface);
   { kind.begin(walk, sampler) } -> std::same_as<bool>;
   { kind.advance(walk, sampler, end, found) } -> std::same_as<bool>;
 };

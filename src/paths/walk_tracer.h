@@ -21,7 +21,7 @@ namespace trex {
 /// follow() by one thread at a time; it uses all of the calling oneTBB arena.
 class WalkTracer {
  public:
-  static constexpr std::size_t kWave = 16;
+  static constexpr std::size_t kWave = 64;
 
   /// In memory, or on demand: a thread loads the page that a ray needs. `wave` walks, [1, kWave],
   /// go together. The rays must outlive it.
@@ -71,86 +71,109 @@ class WalkTracer {
 template <WalkKind Kind>
 class WalkTracer::Waves {
  public:
-  Waves(const WalkTracer& tracer, const Kind& kind) : tracer_(tracer), kind_(kind) {
+  Waves(const WalkTracer& tracer, const Kind& kind, WalkFindings<typename Kind::Found>& found)
+      : tracer_(tracer), kind_(kind), found_(found) {
     lanes_.reserve(tracer.wave_);
     underWay_.reserve(tracer.wave_);
   }
 
   /// Walks first ... end - 1.
-  void run(std::uint32_t first, std::uint32_t end, std::vector<typename Kind::Found>& found) {
+  void run(std::uint32_t first, std::uint32_t end) {
     const auto wave = static_cast<std::uint32_t>(tracer_.wave_);
     for (; first < end; first += wave) {
       const std::uint32_t count = std::min(wave, end - first);
       begin(first, count);
-      while (!underWay_.empty()) {
-        trace();
-        goOn();
-      }
-      if (findings_.empty()) continue;
-      WalkFindings<typename Kind::Found>::inOrder({&findings_, 1}, first, count, found);
-      findings_.clear();
+      traceFirst();
+      while (goOn()) trace();
     }
   }
 
  private:
   struct Lane {
-    typename Kind::State walk;
+    typename Kind::State walk{};
     Sampler sampler;
+    RayHit hit{};
     WalkEnd end{};
+    Lane(const Kind& kind, std::uint32_t number) : sampler(kind.sampler(number)) {
+      walk.number = number;
+    }
   };
 
   void begin(std::uint32_t first, std::uint32_t count) {
     lanes_.clear();
     for (std::uint32_t i = 0; i < count; ++i) {
-      Lane& lane = lanes_.emplace_back(typename Kind::State{}, kind_.sampler(first + i));
-      lane.walk.number = first + i;
+      Lane& lane = lanes_.emplace_back(kind_, first + i);
       if (kind_.begin(lane.walk, lane.sampler)) underWay_.push_back(&lane);
     }
   }
 
-  /// The next rays of all, as one span.
-  void trace() {
-    std::array<RayQuery, kWave> rays;
-    std::array<Lane*, kWave> of;
-    std::size_t count = 0;
-    for (Lane* lane : underWay_) {
-      const RayExit exit = lane->walk.exit;
-      lane->walk.exit = {};
-      bool open = exit.open;
-      if (exit.asks()) {
-        const RayQuery q = exit.query(lane->walk.start);
-        open = exit.settle(tracer_.rays_.occluded(q.start, q.direction, q.tnear, q.end),
-                           lane->walk.start);
-      }
-      lane->end.kind = WalkEnd::Kind::kClosed;
-      if (!open) continue;
-      rays[count] = lane->walk.query();
-      of[count++] = lane;
-    }
-    std::array<RayHit, kWave> hits;
-    std::array<std::uint8_t, kWave> met;
+  /// Whether its ray has a start. False if the triangle that it leaves is in the way.
+  bool leave(Walk& walk) const {
+    const RayExit exit = walk.exit;
+    if (!exit.asks()) return exit.open;
+    walk.exit = {};
+    const RayQuery q = exit.query(walk.start);
+    return exit.settle(tracer_.rays_.occluded(q.start, q.direction, q.tnear, q.end), walk.start);
+  }
+
+  /// The first rays, as one span: those of a sun are parallel.
+  void traceFirst() {
+    rays_.clear();
+    for (const Lane* lane : underWay_) rays_.push_back(lane->walk.query());
+    hits_.resize(rays_.size());
+    met_.resize(rays_.size());
     if constexpr (Kind::kAnyHit) {
-      tracer_.rays_.occluded(std::span(rays).first(count), met);
+      tracer_.rays_.occluded(rays_, met_);
     } else {
-      tracer_.rays_.intersect(std::span(rays).first(count), hits, met);
+      tracer_.rays_.intersect(rays_, hits_, met_);
     }
-    for (std::size_t i = 0; i < count; ++i) {
-      of[i]->end.kind = met[i] ? WalkEnd::Kind::kHit : WalkEnd::Kind::kNothing;
-      of[i]->end.hit = hits[i];
+    for (std::size_t i = 0; i < underWay_.size(); ++i) {
+      underWay_[i]->end.kind = met_[i] ? WalkEnd::Kind::kHit : WalkEnd::Kind::kNothing;
+      underWay_[i]->hit = hits_[i];
     }
   }
 
-  void goOn() {
+  /// The next rays.
+  void trace() {
+    for (Lane* lane : underWay_) {
+      const Walk& walk = lane->walk;
+      if (!leave(lane->walk)) {
+        lane->walk.exit = {};
+        lane->end.kind = WalkEnd::Kind::kClosed;
+        continue;
+      }
+      const RayScene& rays = tracer_.rays_;
+      const bool met = Kind::kAnyHit
+                           ? rays.occluded(walk.start, walk.direction, 0.0f, walk.end)
+                           : rays.intersect(walk.start, walk.direction, 0.0f, walk.end,
+                                            lane->hit);
+      lane->end.kind = met ? WalkEnd::Kind::kHit : WalkEnd::Kind::kNothing;
+    }
+  }
+
+  /// What is at the ends of the rays, and what it makes of the walks. False once all have ended.
+  bool goOn() {
+    if constexpr (!Kind::kAnyHit) {
+      for (Lane* lane : underWay_) {
+        if (!lane->end.met()) continue;
+        lane->end.take(tracer_.rays_, lane->hit);
+        kind_.await(lane->end.surface);
+      }
+    }
     std::erase_if(underWay_, [&](Lane* lane) {
-      return !kind_.advance(lane->walk, lane->sampler, lane->end, findings_);
+      return !kind_.advance(lane->walk, lane->sampler, lane->end, found_);
     });
+    return !underWay_.empty();
   }
 
   const WalkTracer& tracer_;
   const Kind& kind_;
   std::vector<Lane> lanes_;
   std::vector<Lane*> underWay_;
-  WalkFindings<typename Kind::Found> findings_;
+  std::vector<RayQuery> rays_;
+  std::vector<RayHit> hits_;
+  std::vector<std::uint8_t> met_;
+  WalkFindings<typename Kind::Found>& found_;
 };
 
 /// Walks that wait for pages: first ... first + count - 1.
@@ -254,7 +277,7 @@ class WalkTracer::Waiting {
       }
       const bool met = Kind::kAnyHit ? ray.blocked : ray.hit();
       end.kind = met ? WalkEnd::Kind::kHit : WalkEnd::Kind::kNothing;
-      end.hit = ray.best;
+      if (ray.hit()) end.take(rays, ray.best);
     }
     walk.exit = {};
     return true;
@@ -281,12 +304,12 @@ bool WalkTracer::follow(const Kind& kind, std::uint32_t count,
     return true;
   }
   const std::uint32_t chunks = (count + kChunk - 1) / kChunk;
-  std::vector<std::vector<typename Kind::Found>> parts(chunks);
+  std::vector<WalkFindings<typename Kind::Found>> parts(chunks);
   tbb::parallel_for(std::uint32_t{0}, chunks, [&](std::uint32_t chunk) {
-    Waves<Kind>(*this, kind)
-        .run(chunk * kChunk, std::min(count, (chunk + 1) * kChunk), parts[chunk]);
+    Waves<Kind>(*this, kind, parts[chunk])
+        .run(chunk * kChunk, std::min(count, (chunk + 1) * kChunk));
   });
-  for (const auto& part : parts) found.insert(found.end(), part.begin(), part.end());
+  WalkFindings<typename Kind::Found>::inOrder(parts, 0, count, found);
   return true;
 }
 
