@@ -426,12 +426,8 @@ bool Bsdf::goesOnSharp(Sampler& sampler, BsdfSample& sampled) const {
 }
 
 float Bsdf::photonFactor(const vec3& next) const {
-  constexpr float kMost = 16.0f;
-  if (normal() == geometricNormal_) return 1.0f;
-  const vec3 outgoing = basis_.toWorld(out_);
-  const float up = out_.z * std::abs(glm::dot(next, geometricNormal_));
-  const float down = std::abs(glm::dot(outgoing, geometricNormal_) * glm::dot(next, normal()));
-  return up < kMost * down ? up / down : kMost;
+  return trex::photonFactor(geometricNormal_, basis_.tangent, basis_.bitangent, basis_.normal, out_,
+                            next);
 }
 
 }  // namespace trex

@@ -151,8 +151,8 @@ ImportanceMap traceImportons(const Scene& scene, const WalkTracer& walks, const 
                              std::uint32_t paths) {
   const Box3f bounds = walks.rays().bounds();
   if (bounds.empty()) return {};
-  const Importons importons{
-      scene, camera, static_cast<float>(width), static_cast<float>(height), seed};
+  const Importons importons{scene, camera, static_cast<float>(width), static_cast<float>(height),
+                            seed};
   std::vector<Mark> marks;
   walks.follow(importons, paths, marks);
   return ImportanceMap(bounds, marks);

@@ -39,19 +39,25 @@ struct Photons {
   std::uint32_t seed;
   std::uint32_t first;  ///< number of walk 0
   bool allBounces;
+  const PlainSurfaces& plain;
 
   Sampler sampler(std::uint32_t walk) const { return Sampler(0x70686f74u, first + walk, seed); }
   bool begin(Photon& photon, Sampler& sampler) const;
   void await(const Surface& surface) const { prefetchTextures(scene, surface); }
   bool advance(Photon& photon, Sampler& sampler, const WalkEnd& end,
                WalkFindings<LandedPhoton>& landed) const;
+  bool arrivePlain(Photon& photon, const WalkEnd& end, const PlainAt& at,
+                   WalkFindings<LandedPhoton>& landed) const;
+  bool scatterPlain(Photon& photon, Sampler& sampler, const Surface& surface, const PlainAt& at,
+                    const BsdfSample& next) const;
 
  private:
   bool meet(Photon& photon, Sampler& sampler, const WalkEnd& end,
             WalkFindings<LandedPhoton>& landed) const;
-  bool land(Photon& photon, const Surface& surface, const Bsdf& bsdf,
+  bool land(Photon& photon, const Surface& surface, const vec3& normal,
             WalkFindings<LandedPhoton>& landed) const;
-  bool scatter(Photon& photon, Sampler& sampler, const Surface& surface, const Bsdf& bsdf) const;
+  bool turn(Photon& photon, Sampler& sampler, const Surface& surface, const BsdfSample& next,
+            float factor, bool front) const;
 };
 
 bool Photons::begin(Photon& photon, Sampler& sampler) const {
@@ -88,8 +94,9 @@ bool Photons::advance(Photon& photon, Sampler& sampler, const WalkEnd& end,
                       WalkFindings<LandedPhoton>& landed) const {
   if (end.closed()) return false;
   MediaCollision collision;
-  if (media != nullptr && media->collide(photon.start.position, photon.direction,
-                                         end.met() ? end.distance : kInfinity, sampler, collision)) {
+  if (media != nullptr &&
+      media->collide(photon.start.position, photon.direction, end.met() ? end.distance : kInfinity,
+                     sampler, collision)) {
     if (!photon.scatters || !scatterInMedium(collision, sampler, photon)) return false;
   } else if (!end.met() || !meet(photon, sampler, end, landed)) {
     return false;
@@ -107,18 +114,25 @@ bool Photons::meet(Photon& photon, Sampler& sampler, const WalkEnd& end,
     photon.start = surface.leave();
     return true;
   }
-  if (bsdf.cacheable() && !land(photon, surface, bsdf, landed)) return false;
-  return scatter(photon, sampler, surface, bsdf);
+  if (bsdf.cacheable() && !land(photon, surface, bsdf.geometricNormal(), landed)) return false;
+  BsdfSample next;
+  if (!bsdf.sample(sampler, next)) return false;
+  if (!next.delta || !next.transmitted || !ClearLayers::clear(bsdf)) {
+    ++photon.turns;
+    photon.power *= photon.range.end();
+  }
+  return turn(photon, sampler, surface, next, bsdf.photonFactor(next.direction),
+              bsdf.leavesFront(next.direction));
 }
 
 /// False if it ends there.
-bool Photons::land(Photon& photon, const Surface& surface, const Bsdf& bsdf,
+bool Photons::land(Photon& photon, const Surface& surface, const vec3& normal,
                    WalkFindings<LandedPhoton>& landed) const {
   if (photon.turns + 2 > scene.maxBounces) return false;
   const vec3 power = photon.power * photon.range.factor();
   if (!isFinite(power) || !(maxComponent(power) > 0.0f)) return false;
   landed.add(photon, {.position = vec3(surface.position),
-                      .normal = bsdf.geometricNormal(),
+                      .normal = normal,
                       .power = power,
                       .index = first + photon.number,
                       .source = photon.source,
@@ -128,21 +142,31 @@ bool Photons::land(Photon& photon, const Surface& surface, const Bsdf& bsdf,
   return allBounces;
 }
 
-bool Photons::scatter(Photon& photon, Sampler& sampler, const Surface& surface,
-                      const Bsdf& bsdf) const {
-  BsdfSample next;
-  if (!bsdf.sample(sampler, next)) return false;
-  if (!next.delta || !next.transmitted || !ClearLayers::clear(bsdf)) {
-    ++photon.turns;
-    photon.power *= photon.range.end();
-  }
-  photon.power *= next.weight * (next.etaSquared * bsdf.photonFactor(next.direction));
+/// Goes on in another direction. False if it is absorbed.
+bool Photons::turn(Photon& photon, Sampler& sampler, const Surface& surface, const BsdfSample& next,
+                   float factor, bool front) const {
+  photon.power *= next.weight * (next.etaSquared * factor);
   const float survival = std::min(1.0f, maxComponent(photon.power) / photon.emitted);
   if (!(survival > 0.0f) || sampler.next1D() >= survival) return false;
   photon.power /= survival;
   photon.scatters = false;
-  photon.leave(surface, next.direction, bsdf.leavesFront(next.direction));
+  photon.leave(surface, next.direction, front);
   return true;
+}
+
+bool Photons::arrivePlain(Photon& photon, const WalkEnd& end, const PlainAt& at,
+                          WalkFindings<LandedPhoton>& landed) const {
+  photon.range.advance(end.distance);
+  return !at.cacheable() || land(photon, end.surface, at.facing(), landed);
+}
+
+bool Photons::scatterPlain(Photon& photon, Sampler& sampler, const Surface& surface,
+                           const PlainAt& at, const BsdfSample& next) const {
+  ++photon.turns;
+  photon.power *= photon.range.end();
+  return turn(photon, sampler, surface, next, at.photonFactor(next.direction),
+              at.leavesFront(next.direction)) &&
+         ++photon.bounce < kPhotonBounces;
 }
 
 }  // namespace
@@ -153,8 +177,14 @@ std::optional<std::vector<LandedPhoton>> landPhotons(const Scene& scene, const W
                                                      bool allBounces,
                                                      std::span<const EmissionGuide> guides,
                                                      const std::function<bool()>& giveUp) {
-  const Photons photons{
-      scene, walks.rays().media(), lights, guides, seed, static_cast<std::uint32_t>(first), allBounces};
+  const RayScene& rays = walks.rays();
+  // Media scatter photons on their way.
+  const PlainSurfaces plain = rays.media() == nullptr && rays.parts().paged == nullptr
+                                  ? PlainSurfaces(scene, rays)
+                                  : PlainSurfaces::none(scene, rays);
+  const Photons photons{scene,      rays.media(), lights,
+                        guides,     seed,         static_cast<std::uint32_t>(first),
+                        allBounces, plain};
   std::vector<LandedPhoton> landed;
   if (!walks.follow(photons, static_cast<std::uint32_t>(count), landed, giveUp))
     return std::nullopt;

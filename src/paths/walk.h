@@ -65,7 +65,8 @@ class WalkFindings {
   /// those of a walk in its order.
   static void inOrder(std::span<const WalkFindings> parts, std::uint32_t first, std::uint32_t count,
                       std::vector<T>& out) {
-    if (std::ranges::all_of(parts, [](const WalkFindings& part) { return part.all_.empty(); })) return;
+    if (std::ranges::all_of(parts, [](const WalkFindings& part) { return part.all_.empty(); }))
+      return;
     std::vector<std::size_t> places(count + std::size_t{1}, 0);
     for (const WalkFindings& part : parts) {
       for (const Entry& e : part.all_) ++places[e.walk - first + 1];
@@ -98,6 +99,12 @@ struct FindsNothing {};
 ///   begin()    makes its first ray; `walk.number` is set. False if there is none
 ///   await()    asks for what advance() will read of a surface from memory
 ///   advance()  what happens at the end of a ray; makes the next one. False if the walk ends there
+///
+/// One that has `plain`, PlainSurfaces, has plain surfaces shaded in lanes. Where walks go in waves
+/// advance() of these is in two parts, as its random numbers go to lanes in between:
+///
+///   arrivePlain()   what happens before Bsdf::sample(), and
+///   scatterPlain()  after it. False if the walk ends there
 template <typename Kind>
 concept WalkKind = std::derived_from<typename Kind::State, Walk> &&
     std::is_trivially_destructible_v<typename Kind::State> &&

@@ -14,6 +14,7 @@
 
 #include "src/crays/waiting_ray.h"
 #include "src/paths/page_rounds.h"
+#include "src/paths/plain_wave.h"
 #include "src/paths/walk.h"
 
 namespace trex {
@@ -21,7 +22,7 @@ namespace trex {
 /// follow() by one thread at a time; it uses all of the calling oneTBB arena.
 class WalkTracer {
  public:
-  static constexpr std::size_t kWave = 64;
+  static constexpr std::size_t kWave = PlainWave::kMost;
 
   /// In memory, or on demand: a thread loads the page that a ray needs. `wave` walks, [1, kWave],
   /// go together. The rays must outlive it.
@@ -52,7 +53,7 @@ class WalkTracer {
   }
 
  private:
-  static constexpr std::uint32_t kChunk = 256;  ///< walks that a thread takes at a time
+  static constexpr std::uint32_t kChunk = 1024;  ///< walks that a thread takes at a time
 
   template <WalkKind Kind>
   class Waves;
@@ -77,14 +78,18 @@ class WalkTracer::Waves {
     underWay_.reserve(tracer.wave_);
   }
 
-  /// Walks first ... end - 1.
+  /// Walks first ... end - 1. Where one ends the next begins, so that waves stay full.
   void run(std::uint32_t first, std::uint32_t end) {
-    const auto wave = static_cast<std::uint32_t>(tracer_.wave_);
-    for (; first < end; first += wave) {
-      const std::uint32_t count = std::min(wave, end - first);
-      begin(first, count);
-      traceFirst();
-      while (goOn()) trace();
+    next_ = first;
+    end_ = end;
+    const std::uint32_t count = std::min(static_cast<std::uint32_t>(tracer_.wave_), end_ - next_);
+    for (std::uint32_t i = 0; i < count; ++i) {
+      Lane& lane = lanes_.emplace_back(kind_, 0u);
+      if (begin(lane)) underWay_.push_back(&lane);
+    }
+    while (!underWay_.empty()) {
+      trace();
+      goOn();
     }
   }
 
@@ -94,17 +99,20 @@ class WalkTracer::Waves {
     Sampler sampler;
     RayHit hit{};
     WalkEnd end{};
+    std::uint8_t place = PlainWave::kNotPlain;  ///< of a plain surface
+    bool goesOn = true;                         ///< from a plain surface
     Lane(const Kind& kind, std::uint32_t number) : sampler(kind.sampler(number)) {
       walk.number = number;
     }
   };
 
-  void begin(std::uint32_t first, std::uint32_t count) {
-    lanes_.clear();
-    for (std::uint32_t i = 0; i < count; ++i) {
-      Lane& lane = lanes_.emplace_back(kind_, first + i);
-      if (kind_.begin(lane.walk, lane.sampler)) underWay_.push_back(&lane);
+  /// The next walk that has a ray. False if none is left.
+  bool begin(Lane& lane) {
+    while (next_ < end_) {
+      std::construct_at(&lane, kind_, next_++);
+      if (kind_.begin(lane.walk, lane.sampler)) return true;
     }
+    return false;
   }
 
   /// Whether its ray has a start. False if the triangle that it leaves is in the way.
@@ -114,23 +122,6 @@ class WalkTracer::Waves {
     walk.exit = {};
     const RayQuery q = exit.query(walk.start);
     return exit.settle(tracer_.rays_.occluded(q.start, q.direction, q.tnear, q.end), walk.start);
-  }
-
-  /// The first rays, as one span: those of a sun are parallel.
-  void traceFirst() {
-    rays_.clear();
-    for (const Lane* lane : underWay_) rays_.push_back(lane->walk.query());
-    hits_.resize(rays_.size());
-    met_.resize(rays_.size());
-    if constexpr (Kind::kAnyHit) {
-      tracer_.rays_.occluded(rays_, met_);
-    } else {
-      tracer_.rays_.intersect(rays_, hits_, met_);
-    }
-    for (std::size_t i = 0; i < underWay_.size(); ++i) {
-      underWay_[i]->end.kind = met_[i] ? WalkEnd::Kind::kHit : WalkEnd::Kind::kNothing;
-      underWay_[i]->hit = hits_[i];
-    }
   }
 
   /// The next rays.
@@ -145,34 +136,79 @@ class WalkTracer::Waves {
       const RayScene& rays = tracer_.rays_;
       const bool met = Kind::kAnyHit
                            ? rays.occluded(walk.start, walk.direction, 0.0f, walk.end)
-                           : rays.intersect(walk.start, walk.direction, 0.0f, walk.end,
-                                            lane->hit);
+                           : rays.intersect(walk.start, walk.direction, 0.0f, walk.end, lane->hit);
       lane->end.kind = met ? WalkEnd::Kind::kHit : WalkEnd::Kind::kNothing;
     }
   }
 
-  /// What is at the ends of the rays, and what it makes of the walks. False once all have ended.
-  bool goOn() {
-    if constexpr (!Kind::kAnyHit) {
-      for (Lane* lane : underWay_) {
-        if (!lane->end.met()) continue;
-        lane->end.take(tracer_.rays_, lane->hit);
-        kind_.await(lane->end.surface);
-      }
-    }
+  /// What is at the ends of the rays, and what it makes of the walks.
+  void goOn() {
+    if constexpr (!Kind::kAnyHit) decode();
+    if constexpr (kPlain) passPlain();
     std::erase_if(underWay_, [&](Lane* lane) {
-      return !kind_.advance(lane->walk, lane->sampler, lane->end, found_);
+      const bool goesOn = lane->place != PlainWave::kNotPlain
+                              ? lane->goesOn
+                              : kind_.advance(lane->walk, lane->sampler, lane->end, found_);
+      return !goesOn && !begin(*lane);
     });
-    return !underWay_.empty();
   }
+
+  /// Surfaces that were met.
+  void decode() {
+    plain_.plainCount = 0;
+    for (Lane* lane : underWay_) {
+      lane->place = PlainWave::kNotPlain;
+      if (!lane->end.met()) continue;
+      if constexpr (kPlain) {
+        lane->place =
+            kind_.plain.decode(lane->hit, lane->walk.direction, plain_, lane->end.surface);
+        lane->end.distance = lane->hit.t;
+      }
+      if (lane->place == PlainWave::kNotPlain) lane->end.take(tracer_.rays_, lane->hit);
+      kind_.await(lane->end.surface);
+    }
+  }
+
+  /// What plain surfaces make of walks, in lanes.
+  void passPlain() {
+    if (plain_.plainCount == 0) return;
+    const PlainSurfaces& plain = kind_.plain;
+    PlainWave::Samples samples{};
+    const auto forPlain = [&](const auto& what) {
+      for (Lane* lane : underWay_) {
+        if (lane->place != PlainWave::kNotPlain) what(*lane);
+      }
+    };
+    forPlain([&](Lane& lane) { plain.colour(lane.place, lane.end.surface, plain_); });
+    plain.shade(plain_);
+    forPlain([&](Lane& lane) {
+      if (!plain.finish(lane.place, plain_, lane.end.surface)) {
+        lane.place = PlainWave::kNotPlain;
+        lane.end.take(tracer_.rays_, lane.hit);
+        return;
+      }
+      lane.goesOn = kind_.arrivePlain(lane.walk, lane.end, plain_.at(lane.place), found_);
+      if (lane.goesOn) PlainWave::draw(lane.place, lane.sampler, samples);
+    });
+    for (std::size_t i = 0; i < plain_.plainBlocks(); ++i) {
+      plain.kernels().sample(plain_.plain[i], samples[i]);
+    }
+    forPlain([&](Lane& lane) {
+      BsdfSample next;
+      lane.goesOn = lane.goesOn && PlainWave::sampled(lane.place, samples, next) &&
+                    kind_.scatterPlain(lane.walk, lane.sampler, lane.end.surface,
+                                       plain_.at(lane.place), next);
+    });
+  }
+
+  static constexpr bool kPlain = requires(const Kind& kind) { kind.plain; };
 
   const WalkTracer& tracer_;
   const Kind& kind_;
+  PlainWave plain_;
   std::vector<Lane> lanes_;
   std::vector<Lane*> underWay_;
-  std::vector<RayQuery> rays_;
-  std::vector<RayHit> hits_;
-  std::vector<std::uint8_t> met_;
+  std::uint32_t next_ = 0, end_ = 0;  ///< walks that have not begun
   WalkFindings<typename Kind::Found>& found_;
 };
 

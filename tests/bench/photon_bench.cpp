@@ -23,7 +23,7 @@
 namespace trex {
 namespace {
 
-constexpr std::size_t kWaves[] = {1, 4, 8, 16, 32, 64};
+constexpr std::size_t kWaves[] = {1, 2, 4, 8, 16};
 constexpr std::uint32_t kImportons = 1u << 14;
 
 double processorSeconds() {
