@@ -24,6 +24,8 @@ struct Photon : Walk {
   std::uint32_t turns = 0;   ///< as Scene::maxBounces counts; two more follow where it lands
 };
 
+static_assert(sizeof(Photon) <= 144);
+
 /// Photons go to the first surface that can hold light, or on to all others. They are scattered by
 /// media once, before their first surface, as C-rays see it (PathTracer::passMedia); later media
 /// just take photons away.

@@ -60,6 +60,7 @@ struct WalkEnd {
 template <typename T>
 class WalkFindings {
  public:
+  static std::uint64_t bytesOfOne() { return sizeof(Entry); }
   void add(Walk& walk, const T& what) { all_.push_back({walk.number, walk.found++, what}); }
   /// Appends the findings of walks first ... first + count - 1, which all are in `parts`, by walk,
   /// those of a walk in its order.

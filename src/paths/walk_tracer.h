@@ -1,9 +1,11 @@
-// Follows walks (walk.h) to their ends: in memory in waves, whose rays are traced as spans; where
-// pages do not fit, each as far as the pages that are there go, and then it waits in the queue of a
-// page (page_traffic.h), as paths of the camera do.
+// Follows walks (walk.h) to their ends: in memory in waves that go through the same steps together
+// (rays, surfaces, what these make of walks); where pages do not fit, each as far as the pages that
+// are there go, and then it waits in the queue of a page (page_traffic.h), as paths of the camera
+// do.
 #pragma once
 
 #include <tbb/parallel_for.h>
+#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <array>
@@ -53,7 +55,12 @@ class WalkTracer {
   }
 
  private:
-  static constexpr std::uint32_t kChunk = 1024;  ///< walks that a thread takes at a time
+  static constexpr std::uint32_t kLeastChunk = 64, kMostChunk = 1024;  ///< that a thread takes
+
+  static std::uint32_t chunkOf(std::uint32_t count) {
+    const int threads = tbb::this_task_arena::max_concurrency();
+    return std::clamp(count / (2 * static_cast<std::uint32_t>(threads)), kLeastChunk, kMostChunk);
+  }
 
   template <WalkKind Kind>
   class Waves;
@@ -219,7 +226,11 @@ class WalkTracer::Waiting {
   Waiting(const WalkTracer& tracer, const Kind& kind, std::uint32_t first, std::uint32_t count)
       : tracer_(tracer), kind_(kind), first_(first), walks_(count) {}
 
-  static std::uint64_t bytesAWalk() { return sizeof(Record) + PageQueues::bytesARay(); }
+  /// With two findings.
+  static std::uint64_t bytesAWalk() {
+    return sizeof(Record) + PageQueues::bytesARay() +
+           2 * WalkFindings<typename Kind::Found>::bytesOfOne();
+  }
 
   bool run(std::vector<typename Kind::Found>& found, const PageRounds::GiveUp& giveUp) {
     const auto count = static_cast<std::uint32_t>(walks_.size());
@@ -331,7 +342,7 @@ bool WalkTracer::follow(const Kind& kind, std::uint32_t count,
                         const PageRounds::GiveUp& giveUp) const {
   if (waits()) {
     const std::uint64_t most =
-        std::clamp<std::uint64_t>(bytes_ / Waiting<Kind>::bytesAWalk(), kChunk, 1u << 30);
+        std::clamp<std::uint64_t>(bytes_ / Waiting<Kind>::bytesAWalk(), kMostChunk, 1u << 30);
     for (std::uint32_t first = 0; first < count;) {
       const auto size = static_cast<std::uint32_t>(std::min<std::uint64_t>(count - first, most));
       if (!Waiting<Kind>(*this, kind, first, size).run(found, giveUp)) return false;
@@ -339,11 +350,10 @@ bool WalkTracer::follow(const Kind& kind, std::uint32_t count,
     }
     return true;
   }
-  const std::uint32_t chunks = (count + kChunk - 1) / kChunk;
+  const std::uint32_t size = chunkOf(count), chunks = (count + size - 1) / size;
   std::vector<WalkFindings<typename Kind::Found>> parts(chunks);
   tbb::parallel_for(std::uint32_t{0}, chunks, [&](std::uint32_t chunk) {
-    Waves<Kind>(*this, kind, parts[chunk])
-        .run(chunk * kChunk, std::min(count, (chunk + 1) * kChunk));
+    Waves<Kind>(*this, kind, parts[chunk]).run(chunk * size, std::min(count, (chunk + 1) * size));
   });
   WalkFindings<typename Kind::Found>::inOrder(parts, 0, count, found);
   return true;
