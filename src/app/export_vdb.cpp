@@ -9,6 +9,7 @@
 #include "src/bundle/bundle.h"
 #include "src/core/error.h"
 #include "src/core/file.h"
+#include "src/paths/walk_tracer.h"
 #include "src/session/light_pass.h"
 #include "src/session/voxel_source.h"
 #include "src/vdb/vdb.h"
@@ -34,7 +35,8 @@ class Lit {
         tracer_(makeCpuTracer(*model.voxels,
                               photonMaterials(model.scene.materials, model.scene.images))),
         cache_(*model.voxels),
-        pass_(model.scene, *model.rays, lights_, *tracer_, cache_, 0u, true) {
+        walks_(*model.rays),
+        pass_(model.scene, walks_, lights_, *tracer_, cache_, 0u, true) {
     pass_.run(photons, [] { return true; });
   }
   /// Radiance that the brighter side of a voxel sends out, emission included.
@@ -56,6 +58,7 @@ class Lit {
   LightSet lights_;
   std::unique_ptr<GRayTracer> tracer_;
   LightCache cache_;
+  WalkTracer walks_;
   LightPass pass_;
 };
 

@@ -97,6 +97,7 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
   out["page_bytes_read"] = r.pages.bytesRead;
   out["ray_memory_bytes"] = a.settings.rayMemory;
   if (a.settings.rayMemory == 0) return out;
+  out["page_loads_on_demand"] = r.pages.loads - r.traffic.loads;
   out["tracing_thread_seconds"] = r.traffic.tracing;
   out["waiting_thread_seconds"] = r.traffic.waiting;
   out["loading_thread_seconds"] = r.traffic.loading;

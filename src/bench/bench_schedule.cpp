@@ -356,6 +356,9 @@ void addCommand(CLI::App& bench) {
   c->add_option("--demand-spp", a->live.demandSamples, "Of --live: those on demand, which is slow")
       ->check(CLI::Range(1, 1 << 20))
       ->capture_default_str();
+  c->add_option("--exact", a->live.exact, "Of --live: share of exact samples; below 1 with photons")
+      ->check(CLI::Range(0.0, 1.0))
+      ->capture_default_str();
   c->add_option("--cache-share", a->live.cacheShare, "Of --live: of the pages that may be there")
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();

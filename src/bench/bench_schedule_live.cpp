@@ -51,7 +51,7 @@ void writeTraces(const LiveArguments& a, const Session& session) {
 
 Rendered render(const LiveArguments& a, const Way& way) {
   OpenOptions open;
-  open.model.voxels = false;
+  open.model.voxels = a.exact < 1.0;
   open.prepare = [&](const Scene&, ModelOptions& model) {
     if (model.paged.pages == 0) {
       fail(ExitCode::kInput, "{}: has no pages; bake it with --stream", a.bundle);
@@ -63,7 +63,7 @@ Rendered render(const LiveArguments& a, const Way& way) {
   RenderSettings settings;
   parseSize(a.size, settings.width, settings.height);
   settings.samples = way.all || way.waits ? a.samples : std::min(a.samples, a.demandSamples);
-  settings.exact = 1.0;
+  settings.exact = a.exact;
   settings.device = RenderSettings::kNoDevice;
   settings.rayMemory = way.waits ? parseBytes(a.rayMemory) : 0;
   settings.predictLoads = way.predicts;
@@ -79,11 +79,14 @@ Rendered render(const LiveArguments& a, const Way& way) {
              {"samples", settings.samples},
              {"seconds", r.renderSeconds},
              {"processor_seconds", processors},
+             {"photons", r.photons},
+             {"photon_seconds", r.photonSeconds},
              {"page_loads", r.pages.loads},
              {"pages", r.mesh.pages},
              {"page_cache_bytes", r.mesh.cacheBytes},
              {"page_peak_bytes", r.pages.peakBytes}};
   if (way.waits) {
+    out.row["page_loads_on_demand"] = r.pages.loads - r.traffic.loads;
     out.row["waiting_share"] = r.traffic.waiting / r.traffic.tracing;
     out.row["loading_share"] = r.traffic.loading / r.traffic.tracing;
   }
@@ -98,6 +101,7 @@ nlohmann::ordered_json benchLive(const LiveArguments& a) {
                    {"bundle", a.bundle},
                    {"size", a.size},
                    {"samples", a.samples},
+                   {"exact", a.exact},
                    {"cache_share", a.cacheShare},
                    {"ray_memory_bytes", parseBytes(a.rayMemory)},
                    {"rows", Json::array()}};

@@ -13,6 +13,7 @@ struct LiveArguments {
   std::string size = "320x180";
   std::uint32_t samples = 8;
   std::uint32_t demandSamples = 1;  ///< of threads that wait: they take long
+  double exact = 1.0;               ///< below 1: with photons, too
   double cacheShare = 0.05;         ///< of the pages' bytes
   std::string rayMemory = "1G";
   std::string picture,
@@ -20,8 +21,7 @@ struct LiveArguments {
 };
 
 /// A row a way; seconds, seconds of all processors, loads and whether the picture has the bytes of
-/// the first. Samples are traced exactly, without a device. Throws Error, kInput if the bundle has
-/// no pages.
+/// the first. Samples are traced without a device. Throws Error, kInput if the bundle has no pages.
 nlohmann::ordered_json benchLive(const LiveArguments& arguments);
 /// The rows as a table on stdout.
 void printLive(const nlohmann::ordered_json& document);

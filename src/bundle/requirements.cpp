@@ -6,8 +6,8 @@
 
 #include "asvo/medium.h"
 #include "src/core/memory.h"
-#include "src/crays/caustics.h"
 #include "src/crays/ray_scene.h"
+#include "src/paths/caustics.h"
 #include "src/scene/import.h"
 #include "src/scene/texture.h"
 

@@ -57,6 +57,16 @@ vec3 Bsdf::seen(const vec3& normal, const vec3& outgoing) {
   return glm::normalize(normal + (kLeastCosine - cosine) * outgoing);
 }
 
+void prefetchTextures(const Scene& scene, const Surface& surface) {
+  const Material& material = scene.materials[surface.material];
+  for (const Texture* texture :
+       {&material.baseColorTexture, &material.metallicRoughnessTexture, &material.normalTexture}) {
+    if (!texture->present()) continue;
+    prefetchTexture(scene.images[static_cast<std::size_t>(texture->image)], *texture,
+                    surface.texCoords[texture->set]);
+  }
+}
+
 Bsdf::Bsdf(const Scene& scene, const Surface& surface, const vec3& outgoing) {
   const Material& material = scene.materials[surface.material];
   const bool front = front_ = glm::dot(surface.geometricNormal, outgoing) >= 0.0f;
@@ -416,12 +426,8 @@ bool Bsdf::goesOnSharp(Sampler& sampler, BsdfSample& sampled) const {
 }
 
 float Bsdf::photonFactor(const vec3& next) const {
-  constexpr float kMost = 16.0f;
-  if (normal() == geometricNormal_) return 1.0f;
-  const vec3 outgoing = basis_.toWorld(out_);
-  const float up = out_.z * std::abs(glm::dot(next, geometricNormal_));
-  const float down = std::abs(glm::dot(outgoing, geometricNormal_) * glm::dot(next, normal()));
-  return up < kMost * down ? up / down : kMost;
+  return trex::photonFactor(geometricNormal_, basis_.tangent, basis_.bitangent, basis_.normal, out_,
+                            next);
 }
 
 }  // namespace trex

@@ -42,6 +42,9 @@ struct BsdfValue {
 /// Which of the lobes that are no delta: those as narrow as kSharpAlpha, the others.
 enum class LobeKind : std::uint8_t { kAll, kSharp, kBroad };
 
+/// Asks for the texels that a Bsdf will read first, for those who have other work meanwhile.
+void prefetchTextures(const Scene& scene, const Surface& surface);
+
 /// The material at one surface point seen from one side, textures read. Directions are unit vectors
 /// that point away from the surface. Immutable, so thread safe.
 class Bsdf {

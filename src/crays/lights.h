@@ -9,6 +9,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <vector>
@@ -145,9 +146,11 @@ class LightSet {
   bool emit(Sampler& sampler, EmittedPhoton& out, std::span<const EmissionGuide> guides = {}) const;
   /// Guides that know nothing yet, by source; none if no source shines from outside.
   std::vector<EmissionGuide> guides() const;
+  /// Which readers of an ImportanceMap are lit by a sun that shines towards a direction: 1 or 0.
+  using SunSeers = std::function<std::vector<std::uint8_t>(const vec3& towards)>;
   /// Hints for the guides from importons: their escapes for skies, and for suns what they see of
   /// them.
-  void hint(const ImportanceMap& importance, const ClearLayers& layers,
+  void hint(const ImportanceMap& importance, const SunSeers& seers,
             std::span<EmissionGuide> guides) const;
   /// Total power of all lights, W, by luminance.
   double totalPower() const { return totalPower_; }
@@ -195,7 +198,7 @@ class LightSet {
   vec2 diskPlace(const vec3& towards, const vec3& point) const;
   void hintSky(const Entry& source, const ImportanceMap& importance, EmissionGuide& guide) const;
   void hintWanted(const Entry& source, const ImportanceMap& importance, EmissionGuide& guide) const;
-  void hintSun(const vec3& towards, const ImportanceMap& importance, const ClearLayers& layers,
+  void hintSun(const vec3& towards, const ImportanceMap& importance, const SunSeers& seers,
                EmissionGuide& guide) const;
   int outsideDimensions(const Entry& source) const;
   void emitOutside(const Entry& source, Sampler& sampler, std::span<const EmissionGuide> guides,

@@ -1,7 +1,4 @@
 // Photons: light sources chosen in proportion to their power.
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cmath>
 
@@ -212,14 +209,14 @@ vec2 LightSet::diskPlace(const vec3& towards, const vec3& point) const {
   return squareOfDisk(vec2(p.x, p.y));
 }
 
-void LightSet::hint(const ImportanceMap& importance, const ClearLayers& layers,
+void LightSet::hint(const ImportanceMap& importance, const SunSeers& seers,
                     std::span<EmissionGuide> guides) const {
   std::size_t suns = 0;
   for (std::size_t i = 0; i < guides.size(); ++i) {
     const Entry& source = sources_[i];
     if (guides[i].dimensions() == 4) hintSky(source, importance, guides[i]);
     if (guides[i].dimensions() == 2 && suns++ < kMostHintedSuns) {
-      hintSun(punctual_[source.index].light.direction, importance, layers, guides[i]);
+      hintSun(punctual_[source.index].light.direction, importance, seers, guides[i]);
     }
     if (guides[i].dimensions() > 0) hintWanted(source, importance, guides[i]);
     guides[i].update();
@@ -259,17 +256,10 @@ void LightSet::hintSky(const Entry& source, const ImportanceMap& importance,
   }
 }
 
-void LightSet::hintSun(const vec3& towards, const ImportanceMap& importance,
-                       const ClearLayers& layers, EmissionGuide& guide) const {
+void LightSet::hintSun(const vec3& towards, const ImportanceMap& importance, const SunSeers& seers,
+                       EmissionGuide& guide) const {
   const auto& readers = importance.readers();
-  std::vector<std::uint8_t> lit(readers.size(), 0);
-  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, readers.size(), 256),
-                    [&](const auto& range) {
-                      for (std::size_t i = range.begin(); i < range.end(); ++i) {
-                        lit[i] = glm::dot(readers[i].normal, towards) < 0.0f &&
-                                 layers.connect(readers[i].start, -towards).reaches();
-                      }
-                    });
+  const std::vector<std::uint8_t> lit = seers(towards);
   for (std::size_t i = 0; i < readers.size(); ++i) {
     if (!lit[i]) continue;
     const float cosine = -glm::dot(readers[i].normal, towards);

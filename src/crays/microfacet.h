@@ -88,4 +88,16 @@ inline vec3 cosineSample(vec2 u) {
   return vec3(r * std::cos(phi), r * std::sin(phi), std::sqrt(std::max(0.0f, 1.0f - u.x)));
 }
 
+/// Bsdf::photonFactor(): `facing` is the geometric normal, `out` the way back in the basis of the
+/// smooth one.
+inline float photonFactor(const vec3& facing, const vec3& tangent, const vec3& bitangent,
+                          const vec3& normal, const vec3& out, const vec3& next) {
+  constexpr float kMost = 16.0f;
+  if (normal == facing) return 1.0f;
+  const vec3 outgoing = out.x * tangent + out.y * bitangent + out.z * normal;
+  const float up = out.z * std::abs(glm::dot(next, facing));
+  const float down = std::abs(glm::dot(outgoing, facing) * glm::dot(next, normal));
+  return up < kMost * down ? up / down : kMost;
+}
+
 }  // namespace trex

@@ -1,24 +1,10 @@
 #include "src/crays/photon_guide.h"
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cmath>
-#include <span>
-
-#include "src/core/sampler.h"
-#include "src/crays/bsdf.h"
-#include "src/crays/camera_rays.h"
-#include "src/crays/microfacet.h"
 
 namespace trex {
 namespace {
-
-constexpr int kImportonBounces = 32;  // of an importon, mirrors included
-constexpr int kMarks = 3;             // diffuse bounces of an importon
-constexpr std::uint32_t kLooks = 2;   // rays towards the outside from each marked place
-constexpr int kLookLayers = 8;        // of glass or leaves that such a ray may pass
 
 constexpr std::size_t kMostPoints = 1u << 17;  // enough known: later photons teach nothing new
 constexpr std::size_t kFewestPoints = 32;      // before that the guide stays uniform
@@ -28,122 +14,22 @@ constexpr float kWide = 0.01f;  // moment of a wide hint; that of others is 1 on
 
 }  // namespace
 
-/// What one importon found.
-struct ImportanceMap::Trace {
-  struct Mark {
-    RayStart start;
-    vec3 normal;
-    std::array<vec3, kLooks> origin, direction;
-    std::uint32_t escapes = 0;
-  };
-  std::array<Mark, kMarks> marks;
-  std::uint32_t count = 0;
-};
-
-namespace {
-
-/// Whether a ray reaches the outside through nothing but clear layers; origin and direction become
-/// those of its last piece.
-bool escape(const Scene& scene, const RayScene& rays, Sampler& sampler, RayStart& start,
-            vec3& direction) {
-  for (int layer = 0; layer < kLookLayers; ++layer) {
-    RayHit hit;
-    if (!rays.intersect(start, direction, 0.0f, kInfinity, hit)) return true;
-    const Surface surface = rays.surface(hit);
-    const Bsdf bsdf(scene, surface, -direction);
-    if (bsdf.unlit()) return false;
-    if (bsdf.coverage() >= 1.0f || sampler.next1D() < bsdf.coverage()) {
-      BsdfSample next;
-      if (!bsdf.onlyDelta() || !bsdf.sample(sampler, next)) return false;
-      direction = next.direction;
-      if (!rays.leave(surface, direction, bsdf.leavesFront(direction), start)) return false;
-    } else {
-      start = surface.leave();
-    }
-  }
-  return false;
-}
-
-}  // namespace
-
-ImportanceMap::ImportanceMap(const Scene& scene, const RayScene& rays, const CameraRays& camera,
-                             std::uint32_t width, std::uint32_t height, std::uint32_t seed,
-                             std::uint32_t paths) {
-  const Box3f bounds = rays.bounds();
-  if (bounds.empty()) return;
+ImportanceMap::ImportanceMap(const Box3f& bounds, std::span<const Mark> marks) {
+  if (bounds.empty() || marks.empty()) return;
   lower_ = bounds.lower;
   perMetre_ = 1.0f / std::max(maxComponent(bounds.size()), 1e-20f);
-
-  const auto trace = [&](std::uint32_t number, Trace& out) {
-    Sampler sampler(0x696d706fu, number, seed);
-    const vec2 place = sampler.next2D();
-    RayStart start;
-    vec3 direction;
-    camera.ray(place.x * static_cast<float>(width), place.y * static_cast<float>(height),
-               start.position, direction);
-    bool scattered = false;  // light cached at the next surface would be read
-    for (int bounce = 0; bounce < kImportonBounces && out.count < kMarks; ++bounce) {
-      RayHit hit;
-      if (!rays.intersect(start, direction, 0.0f, kInfinity, hit)) return;
-      const Surface surface = rays.surface(hit);
-      const Bsdf bsdf(scene, surface, -direction);
-      if (bsdf.unlit()) return;
-      if (bsdf.coverage() >= 1.0f || sampler.next1D() < bsdf.coverage()) {
-        if (scattered && bsdf.cacheable()) {
-          Trace::Mark& mark = out.marks[out.count++];
-          mark.normal = bsdf.geometricNormal();
-          mark.start = surface.leave();
-          for (std::uint32_t look = 0; look < kLooks; ++look) {
-            RayStart from = mark.start;
-            vec3 to = Basis(mark.normal).toWorld(cosineSample(sampler.next2D()));
-            if (!escape(scene, rays, sampler, from, to)) continue;
-            mark.origin[mark.escapes] = vec3(from.position);
-            mark.direction[mark.escapes++] = to;
-          }
-        }
-        BsdfSample next;
-        if (!bsdf.sample(sampler, next)) return;
-        if (!(sampler.next1D() < maxComponent(next.weight * next.etaSquared))) return;
-        direction = next.direction;
-        if (!next.delta || !next.transmitted) scattered = !next.delta;
-        if (!rays.leave(surface, direction, bsdf.leavesFront(direction), start)) return;
-      } else {
-        start = surface.leave();
-      }
-    }
-  };
-  std::vector<Trace> traces(paths);
-  tbb::parallel_for(tbb::blocked_range<std::uint32_t>(0, paths, 64), [&](const auto& range) {
-    for (std::uint32_t i = range.begin(); i < range.end(); ++i) trace(i, traces[i]);
-  });
-  collect(traces);
-}
-
-void ImportanceMap::collect(const std::vector<Trace>& traces) {
-  const auto grid = [](std::size_t cells) {
-    return std::vector<std::uint16_t>(cells * cells * cells * 6);
-  };
-  for (const Trace& trace : traces) {
-    for (std::uint32_t m = 0; m < trace.count; ++m) {
-      if (fine_.empty()) {
-        fine_ = grid(kFine);
-        coarse_ = grid(kCoarse);
-      }
-      const Trace::Mark& mark = trace.marks[m];
-      for (std::uint16_t* count :
-           {&fine_[cell(vec3(mark.start.position), mark.normal, kFine)],
-            &coarse_[cell(vec3(mark.start.position), mark.normal, kCoarse)]}) {
-        if (*count < 0xffffu) ++*count;
-      }
+  fine_.assign(std::size_t{kFine} * kFine * kFine * 6, 0);
+  coarse_.assign(std::size_t{kCoarse} * kCoarse * kCoarse * 6, 0);
+  for (const Mark& mark : marks) {
+    for (std::uint16_t* count : {&fine_[cell(vec3(mark.start.position), mark.normal, kFine)],
+                                 &coarse_[cell(vec3(mark.start.position), mark.normal, kCoarse)]}) {
+      if (*count < 0xffffu) ++*count;
     }
   }
-  for (const Trace& trace : traces) {
-    for (std::uint32_t m = 0; m < trace.count; ++m) {
-      const Trace::Mark& mark = trace.marks[m];
-      readers_.push_back({mark.start, mark.normal, visits(vec3(mark.start.position), mark.normal)});
-      for (std::uint32_t i = 0; i < mark.escapes; ++i) {
-        escapes_.push_back({mark.origin[i], mark.direction[i], readers_.back().visits});
-      }
+  for (const Mark& mark : marks) {
+    readers_.push_back({mark.start, mark.normal, visits(vec3(mark.start.position), mark.normal)});
+    for (std::uint32_t i = 0; i < mark.escapes; ++i) {
+      escapes_.push_back({mark.origin[i], mark.direction[i], readers_.back().visits});
     }
   }
 }

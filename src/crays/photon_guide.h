@@ -2,16 +2,18 @@
 // [Peter and Pietrek 1998].
 //
 // A sky or a sun shines on the whole sphere around the scene; of an interior's photons nearly all
-// land on the outside of the building. An ImportanceMap traces importons: camera paths that mark
-// the places whose cached light would be read. Those that leave the scene, and photons that land in
-// marked places, teach an EmissionGuide per source where in the source's primary sample space (two
-// numbers for the place on the disk, two for the direction) wanted photons start, and later photons
-// start there more often. Power is divided by the density, and a share of the photons stays
-// uniform, so the mean is right in every state of the guide, and powers are bounded.
+// land on the outside of the building. An ImportanceMap knows the marks of importons: camera paths
+// that mark the places whose cached light would be read (src/paths/importons.h). Those that leave
+// the scene, and photons that land in marked places, teach an EmissionGuide per source where in the
+// source's primary sample space (two numbers for the place on the disk, two for the direction)
+// wanted photons start, and later photons start there more often. Power is divided by the density,
+// and a share of the photons stays uniform, so the mean is right in every state of the guide, and
+// powers are bounded.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <span>
 #include <vector>
 
 #include "src/core/maths.h"
@@ -20,19 +22,24 @@
 
 namespace trex {
 
-class CameraRays;
-
 /// How often camera paths would read cached light, by place and facing. Immutable once made.
 class ImportanceMap {
  public:
+  static constexpr std::uint32_t kLooks = 2;  ///< rays towards the outside from each marked place
+
+  /// A place whose cached light an importon would read, and the looks from there that reach the
+  /// outside: where their last pieces start, and their directions.
+  struct Mark {
+    RayStart start{};
+    vec3 normal{0.0f};  ///< unit, of the side that is read
+    std::array<vec3, kLooks> origin{}, direction{};
+    std::uint32_t escapes = 0;
+  };
+
   /// Nothing is wanted anywhere.
   ImportanceMap() = default;
-  /// Traces `paths` camera paths, their numbers fixed by `seed`, over a picture of width x height,
-  /// and notes the surfaces that diffuse bounces find. Deterministic for any number of threads
-  /// (oneTBB).
-  ImportanceMap(const Scene& scene, const RayScene& rays, const CameraRays& camera,
-                std::uint32_t width, std::uint32_t height, std::uint32_t seed,
-                std::uint32_t paths = 4096);
+  /// Of all marks in a scene of these bounds; those of each importon after each other.
+  ImportanceMap(const Box3f& bounds, std::span<const Mark> marks);
 
   /// About how many importons visited the cell of a surface point, on the side of `normal`; 0:
   /// nothing there is wanted.
@@ -57,9 +64,7 @@ class ImportanceMap {
   /// Cells along the largest extent. The mean of both grids counts: fine cells tell near from far,
   /// in coarse ones nothing is missed by chance.
   static constexpr std::uint32_t kFine = 64, kCoarse = 16;
-  struct Trace;
   std::uint32_t cell(const vec3& position, const vec3& normal, std::uint32_t cells) const;
-  void collect(const std::vector<Trace>& traces);
 
   vec3 lower_{0.0f};
   float perMetre_ = 0.0f;                     ///< one over the largest extent

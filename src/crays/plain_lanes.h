@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "src/core/maths.h"
+#include "src/crays/microfacet.h"
 #include "src/scene/scene.h"
 
 namespace trex {
@@ -62,6 +63,11 @@ struct alignas(64) PlainLanes {
   /// As Bsdf::leavesFront().
   bool leavesFront(const vec3& to, std::size_t lane) const {
     return is(front, lane) == (glm::dot(to, vector(normal, lane)) > 0.0f);
+  }
+  /// As Bsdf::photonFactor().
+  float photonFactor(const vec3& to, std::size_t lane) const {
+    return trex::photonFactor(vector(facing, lane), vector(tangent, lane), vector(bitangent, lane),
+                              vector(normal, lane), vector(out, lane), to);
   }
 };
 

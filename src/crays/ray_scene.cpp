@@ -418,16 +418,31 @@ hccm::Triangle RayScene::triangle(const RayHit& hit) const {
   return triangle;
 }
 
+RayExit RayScene::exit(const Surface& surface, const vec3& direction, bool front) {
+  const float height = glm::dot(surface.geometricNormal, direction) * (front ? 1.0f : -1.0f);
+  if (height >= surface.bend) return {};
+  const vec3& lift = surface.lift[front ? 0 : 1];
+  return {glm::length(lift) > 0.0f ? lift : vec3(0.0f), height >= 0.0f};
+}
+
+RayQuery RayExit::query(const RayStart& start) const {
+  const float length = glm::length(lift);
+  return {start, lift / length, 0.0f, length};
+}
+
+bool RayExit::settle(bool blocked, RayStart& start) const {
+  if (blocked) return open;
+  start = start.position + dvec3(lift);
+  return true;
+}
+
 bool RayScene::leave(const Surface& surface, const vec3& direction, bool front,
                      RayStart& start) const {
   start = surface.leave();
-  const float height = glm::dot(surface.geometricNormal, direction) * (front ? 1.0f : -1.0f);
-  if (height >= surface.bend) return true;
-  const vec3& lift = surface.lift[front ? 0 : 1];
-  const float length = glm::length(lift);
-  if (!(length > 0.0f) || occluded(start, lift / length, 0.0f, length)) return height >= 0.0f;
-  start = surface.position + dvec3(lift);
-  return true;
+  const RayExit way = exit(surface, direction, front);
+  if (!way.asks()) return way.open;
+  const RayQuery between = way.query(start);
+  return way.settle(occluded(between.start, between.direction, between.tnear, between.end), start);
 }
 
 dvec3 RayScene::renderOrigin() const { return impl_->parts.renderOrigin; }

@@ -107,6 +107,21 @@ struct Surface {
   }
 };
 
+/// Where a ray starts that leaves a smooth surface, as far as no other ray need be asked for it:
+/// RayScene::exit().
+struct RayExit {
+  /// From the triangle to the smooth surface that it stands for: the ray starts there if nothing is
+  /// between. Zero: it starts on the triangle.
+  vec3 lift{0.0f};
+  bool open = true;  ///< else the triangle itself is in the way of a ray that starts on it
+
+  bool asks() const { return lift != vec3(0.0f); }
+  /// The ray that finds out. `start`: Surface::leave().
+  RayQuery query(const RayStart& start) const;
+  /// What it has found. False if the triangle is in the way.
+  bool settle(bool blocked, RayStart& start) const;
+};
+
 struct WaitingRay;
 
 class RayScene {
@@ -195,6 +210,9 @@ class RayScene {
   /// 2021]. The start stays where it is if something is between. False if the triangle itself is in
   /// the way. Thread safe.
   bool leave(const Surface& surface, const vec3& direction, bool front, RayStart& start) const;
+  /// The same in two steps, for those who trace the ray between by themselves: if exit.asks(),
+  /// occluded(exit.query(start)) has to be answered. `start` of leave() is settle()'s.
+  static RayExit exit(const Surface& surface, const vec3& direction, bool front);
 
   dvec3 renderOrigin() const;
   Box3f bounds() const;  ///< render space, of meshes and media

@@ -33,8 +33,8 @@ Fate PathTracer::arrive(WavePath& path) const {
 
 /// The same at a plain surface, which sends nothing out and lets nothing pass.
 Fate PathTracer::arrivePlain(WavePath& path, const Wave& wave) const {
-  const PlainLanes& lanes = wave.lanesOf(path);
-  const std::size_t lane = Wave::laneOf(path);
+  const PlainLanes& lanes = wave.lanesOf(path.place);
+  const std::size_t lane = Wave::laneOf(path.place);
   if (path.absorption != vec3(0.0f)) path.throughput *= glm::exp(-path.absorption * path.hit.t);
   path.length += path.hit.t;
   const vec3 normal = PlainLanes::vector(lanes.normal, lane);

@@ -1,15 +1,11 @@
 #include "src/paths/batched_tracer.h"
 
-#include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
-
 #include <algorithm>
 #include <atomic>
 #include <memory>
 #include <mutex>
 
-#include "src/core/clock.h"
-#include "src/crays/reading_pages.h"
+#include "src/paths/page_rounds.h"
 
 namespace trex {
 
@@ -20,9 +16,7 @@ struct BatchedTracer::Batch {
   std::span<PathSample> samples;
   std::span<RayCounts> counts;
   WaitingPath* paths;  ///< by job; made when the path begins
-  PageQueues* queues;
-  PageTraffic* traffic;
-  const std::function<bool()>* giveUp;
+  PageRounds* rounds;
 };
 
 /// A thread: takes rays whose page is there, and takes their paths as far as they go.
@@ -52,11 +46,7 @@ struct BatchedTracer::Worker {
 /// Rays are numbered by path: towards the next surface 2 * path, towards the light one more.
 void BatchedTracer::Worker::run() {
   PageWork work;
-  while (batch.traffic->next(work, thread)) {
-    if (*batch.giveUp && (*batch.giveUp)()) return batch.traffic->giveUp();
-    done.start = secondsNow();
-    done.ended = 0;
-    done.waits.clear();
+  while (batch.rounds->next(work, done, thread)) {
     for (std::uint64_t job = work.first; job < work.end && work.page == PageWork::kBegin; ++job) {
       begin(static_cast<std::uint32_t>(job));
       if (wave.paths.size() == Wave::kPaths || job + 1 == work.end) goOn();
@@ -72,8 +62,7 @@ void BatchedTracer::Worker::run() {
       goOn();
     }
     ready.clear();
-    done.end = secondsNow();
-    batch.traffic->done(work, done, thread);
+    batch.rounds->finish(work, done, thread);
   }
 }
 
@@ -95,8 +84,7 @@ void BatchedTracer::Worker::park(std::uint32_t job, bool shadow) {
   const WaitingPath& path = batch.paths[job];
   const WaitingRay& ray = shadow ? path.shadow : path.ray;
   const std::uint32_t page = ray.answered ? rays.pageOf(ray.best) : ray.page();
-  done.waits.push_back(page);
-  batch.traffic->wait(2 * job + (shadow ? 1 : 0), page);
+  batch.rounds->wait(2 * job + (shadow ? 1 : 0), page, done);
 }
 
 WavePath& BatchedTracer::Worker::enter(std::uint32_t job, const PathState& state,
@@ -243,35 +231,20 @@ struct FreePaths {
 bool BatchedTracer::trace(std::span<const PathJob> jobs, std::uint32_t width,
                           std::span<PathSample> samples, std::span<RayCounts> counts,
                           std::vector<ConeRequest>& cones, const std::function<bool()>& giveUp) {
-  const hccm::PagedMesh& mesh = *rays_.parts().paged;
-  const int threads = tbb::this_task_arena::max_concurrency();
-  PageQueues queues(mesh.table().pages.size(), 2 * jobs.size());
   const std::unique_ptr<WaitingPath, FreePaths> paths(
       std::allocator<WaitingPath>().allocate(jobs.size()), FreePaths{jobs.size()});
-  const double start = secondsNow();
-  PageTraffic traffic(mesh.cache(), choice_, queues, jobs.size(), static_cast<unsigned>(threads),
-                      kLoaders, record_);
-  Batch batch{jobs, width, samples, counts, paths.get(), &queues, &traffic, &giveUp};
+  PageRounds rounds(rays_, choice_, record_, jobs.size(), 2 * jobs.size(), giveUp);
+  Batch batch{jobs, width, samples, counts, paths.get(), &rounds};
   std::mutex merging;
-  tbb::parallel_for(
-      0, threads, 1,
-      [&](int thread) {
-        Worker worker{tracer_, rays_, batch};
-        worker.thread = static_cast<unsigned>(thread);
-        try {
-          worker.run();
-        } catch (...) {
-          traffic.fail(std::current_exception());
-        }
-        const std::lock_guard lock(merging);
-        cones.insert(cones.end(), worker.cones.begin(), worker.cones.end());
-      },
-      tbb::simple_partitioner());
-  PageTrafficReport report = traffic.report();
-  report.tracing = (secondsNow() - start) * threads;
-  report_.add(report);
-  readingPages([&] { traffic.rethrow(); });
-  if (traffic.gaveUp()) return false;
+  const bool whole = rounds.run([&](unsigned thread) {
+    Worker worker{tracer_, rays_, batch};
+    worker.thread = thread;
+    worker.run();
+    const std::lock_guard lock(merging);
+    cones.insert(cones.end(), worker.cones.begin(), worker.cones.end());
+  });
+  report_.add(rounds.report());
+  if (!whole) return false;
   std::sort(cones.begin(), cones.end(), [](const ConeRequest& a, const ConeRequest& b) {
     return a.job != b.job ? a.job < b.job : a.bounce < b.bounce;
   });

@@ -16,7 +16,7 @@
 #include <span>
 #include <vector>
 
-#include "src/paths/page_traffic.h"
+#include "src/paths/page_rounds.h"
 #include "src/paths/path_tracer.h"
 #include "src/paths/waiting_path.h"
 
@@ -28,9 +28,6 @@ class BatchedTracer {
   /// `record` may be null.
   BatchedTracer(const PathTracer& tracer, const RayScene& rays, LoadChoice& choice,
                 TrafficRecord* record = nullptr);
-  /// Threads that load beside those that trace, which load when they have no other work.
-  static constexpr unsigned kLoaders = 1;
-
   /// Memory of a path under way, bytes, without its sample.
   static std::uint64_t bytesAPath();
 

@@ -41,9 +41,10 @@ void PathTracer::ask(Wave& wave) const {
     path.asks = lights_.sample(choices[i], light);
     if (!path.isPlain()) continue;
     PlainValues& of = values[path.place / PlainLanes::kLanes];
-    for (int k = 0; k < 3; ++k) of.direction[k][Wave::laneOf(path)] = light.direction[k];
+    for (int k = 0; k < 3; ++k) of.direction[k][Wave::laneOf(path.place)] = light.direction[k];
   }
-  for (std::size_t i = 0; i < wave.plainBlocks(); ++i) kernels_->value(wave.plain[i], values[i]);
+  for (std::size_t i = 0; i < wave.plainBlocks(); ++i)
+    plain_.kernels().value(wave.plain[i], values[i]);
   for (std::size_t i = 0; i < count; ++i) {
     WavePath& path = *paths[i];
     if (!path.asks) continue;
@@ -87,8 +88,8 @@ bool PathTracer::askLight(WavePath& path, Wave& wave) const {
 
 /// The same at a plain surface, which is no cone vertex.
 bool PathTracer::askPlain(WavePath& path, const Wave& wave, const PlainValues& values) const {
-  const PlainLanes& lanes = wave.lanesOf(path);
-  const std::size_t lane = Wave::laneOf(path);
+  const PlainLanes& lanes = wave.lanesOf(path.place);
+  const std::size_t lane = Wave::laneOf(path.place);
   LightQuestion& q = path.question;
   q.kind = LobeKind::kAll;
   q.surface = {PlainLanes::vector(values.f, lane), values.pdf[lane]};

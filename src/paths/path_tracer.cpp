@@ -19,13 +19,11 @@ PathTracer::PathTracer(const Scene& scene, const RayScene& rays, const LightSet&
       background_(background),
       layers_(scene, rays),
       caustics_(caustics),
-      kernels_(choosePlainKernels()) {
-  // Media add light on the way, cones ask for more of a surface, and paths that wait for pages go
-  // on by themselves.
-  if (media_ == nullptr && !guess_.cones && rays.parts().paged == nullptr) {
-    plain_ = plainMaterials(scene.materials);
-  }
-}
+      // Media add light on the way, cones ask for more of a surface, and paths that wait for pages
+      // go on by themselves.
+      plain_(media_ == nullptr && !guess_.cones && rays.parts().paged == nullptr
+                 ? PlainSurfaces(scene, rays)
+                 : PlainSurfaces::none(scene, rays)) {}
 
 void PathTracer::trace(std::span<const PathJob> jobs, std::uint32_t width, std::uint32_t first,
                        std::span<PathSample> samples, std::span<RayCounts> counts,

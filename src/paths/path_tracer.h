@@ -20,13 +20,13 @@
 
 #include "src/crays/bsdf.h"
 #include "src/crays/camera_rays.h"
-#include "src/crays/caustics.h"
 #include "src/crays/clear_path.h"
 #include "src/crays/light_cache.h"
 #include "src/crays/lights.h"
-#include "src/crays/plain_lanes.h"
 #include "src/crays/ray_scene.h"
+#include "src/paths/caustics.h"
 #include "src/paths/path_sample.h"
+#include "src/paths/plain_wave.h"
 
 namespace trex {
 
@@ -81,10 +81,6 @@ class PathTracer {
   void miss(WavePath& path) const;
 
   void decode(Wave& wave) const;
-  bool decodePlain(WavePath& path, Wave& wave) const;
-  void prefetchTextures(const WavePath& path) const;
-  void colourPlain(const WavePath& path, Wave& wave) const;
-  void finishPlain(WavePath& path, const Wave& wave) const;
   const Bsdf& bsdfOf(WavePath& path) const;
   Fate arrive(WavePath& path) const;
   Fate arrivePlain(WavePath& path, const Wave& wave) const;
@@ -117,7 +113,7 @@ class PathTracer {
 
   void scatter(Wave& wave) const;
   bool scatter(WavePath& path) const;
-  bool scatterPlain(WavePath& path, const Wave& wave, const PlainSamples& samples) const;
+  bool scatterPlain(WavePath& path, const Wave& wave, const PlainWave::Samples& samples) const;
   bool goOn(WavePath& path, const BsdfSample& next, const Turning& how) const;
   void passClear(WavePath& path, const vec3& direction) const;
 
@@ -133,8 +129,7 @@ class PathTracer {
   bool background_;
   ClearLayers layers_;
   const CausticMaps* caustics_;
-  std::vector<PlainMaterial> plain_;  ///< by material; empty: no surface is plain
-  const PlainKernels* kernels_;
+  PlainSurfaces plain_;
 };
 
 }  // namespace trex

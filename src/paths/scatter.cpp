@@ -23,20 +23,16 @@ struct Turning {
 
 /// Next rays of all paths; those that end are no longer under way.
 void PathTracer::scatter(Wave& wave) const {
-  std::array<PlainSamples, Wave::kPaths / PlainLanes::kLanes> samples{};
+  Wave::Samples samples{};
   for (WavePath* path : wave.underWay) {
     if (path->fate == Fate::kPasses || !path->isPlain()) continue;
-    PlainSamples& of = samples[path->place / PlainLanes::kLanes];
-    const std::size_t lane = Wave::laneOf(*path);
-    of.choice[lane] = path->sampler.next1D();
-    const vec2 u = path->sampler.next2D();
-    of.u[lane] = u.x, of.v[lane] = u.y;
+    Wave::draw(path->place, path->sampler, samples);
   }
-  for (std::size_t i = 0; i < wave.plainBlocks(); ++i) kernels_->sample(wave.plain[i], samples[i]);
+  for (std::size_t i = 0; i < wave.plainBlocks(); ++i)
+    plain_.kernels().sample(wave.plain[i], samples[i]);
   std::erase_if(wave.underWay, [&](WavePath* path) {
     if (path->fate == Fate::kPasses) return false;
-    return !(path->isPlain() ? scatterPlain(*path, wave, samples[path->place / PlainLanes::kLanes])
-                             : scatter(*path));
+    return !(path->isPlain() ? scatterPlain(*path, wave, samples) : scatter(*path));
   });
 }
 
@@ -53,15 +49,12 @@ bool PathTracer::scatter(WavePath& path) const {
                bsdf.transmits() ? vec3(0.0f) : bsdf.normal()});
 }
 
-bool PathTracer::scatterPlain(WavePath& path, const Wave& wave, const PlainSamples& samples) const {
-  const PlainLanes& lanes = wave.lanesOf(path);
-  const std::size_t lane = Wave::laneOf(path);
-  if (++path.bounces >= kMostBounces || !PlainLanes::is(samples.found, lane)) return false;
+bool PathTracer::scatterPlain(WavePath& path, const Wave& wave,
+                              const PlainWave::Samples& samples) const {
+  const PlainLanes& lanes = wave.lanesOf(path.place);
+  const std::size_t lane = Wave::laneOf(path.place);
   BsdfSample next;
-  next.direction = PlainLanes::vector(samples.direction, lane);
-  next.weight = PlainLanes::vector(samples.weight, lane);
-  next.pdf = samples.pdf[lane];
-  next.roughness = samples.roughness[lane];
+  if (++path.bounces >= kMostBounces || !Wave::sampled(path.place, samples, next)) return false;
   return goOn(
       path, next,
       {false, lanes.leavesFront(next.direction, lane), PlainLanes::vector(lanes.normal, lane)});

@@ -2,16 +2,15 @@
 #pragma once
 
 #include <algorithm>
-#include <array>
 #include <optional>
 #include <vector>
 
 #include "src/crays/bsdf.h"
-#include "src/crays/caustics.h"
 #include "src/crays/lights.h"
-#include "src/crays/plain_lanes.h"
+#include "src/paths/caustics.h"
 #include "src/paths/path_sample.h"
 #include "src/paths/path_state.h"
+#include "src/paths/plain_wave.h"
 
 namespace trex {
 
@@ -59,8 +58,7 @@ struct WavePath : PathState {
   /// Of a plain surface only what rays ask for, and no Bsdf: the rest is in the wave's lanes.
   Surface surface;
   std::optional<Bsdf> bsdf;
-  static constexpr std::uint8_t kNotPlain = 0xff;
-  std::uint8_t place = kNotPlain;  ///< of a plain surface among those of its wave
+  std::uint8_t place = PlainWave::kNotPlain;  ///< of a plain surface among those of its wave
   LightQuestion question;
   bool asks = false;  ///< the question
   Fate fate = Fate::kEnds;
@@ -69,7 +67,7 @@ struct WavePath : PathState {
   WavePath(const PathState& state, const Sampler& numbers)
       : PathState(state), sampler(numbers), points{{vertex, vertexNormal}, vec3(0.0f)} {}
 
-  bool isPlain() const { return place != kNotPlain; }
+  bool isPlain() const { return place != PlainWave::kNotPlain; }
   const LightPoint& lastPoint() const { return points[atVertex]; }
   LightPoint& here() { return points[1 - atVertex]; }
   /// Turned here: the next ray is ready but for its direction.
@@ -109,27 +107,17 @@ struct WavePath : PathState {
 };
 
 /// Paths that are traced together. Those that are under way stay in the order of their samples.
-struct Wave {
+struct Wave : PlainWave {
   /// Some 2 KiB each; so many stay in the first-level cache or close to it.
-  static constexpr std::size_t kPaths = 16;
+  static constexpr std::size_t kPaths = PlainWave::kMost;
 
   std::vector<WavePath> paths;
   std::vector<WavePath*> underWay;
   std::vector<ConeRequest>& cones;
-  std::array<PlainLanes, kPaths / PlainLanes::kLanes> plain{};
-  std::size_t plainCount = 0;  ///< surfaces in them
 
   explicit Wave(std::vector<ConeRequest>& requests) : cones(requests) {
     paths.reserve(kPaths);
     underWay.reserve(kPaths);
-  }
-  /// The lanes of a path whose surface is plain, and its own among them.
-  const PlainLanes& lanesOf(const WavePath& path) const {
-    return plain[path.place / PlainLanes::kLanes];
-  }
-  static std::size_t laneOf(const WavePath& path) { return path.place % PlainLanes::kLanes; }
-  std::size_t plainBlocks() const {
-    return (plainCount + PlainLanes::kLanes - 1) / PlainLanes::kLanes;
   }
 };
 

@@ -5,6 +5,9 @@
 #include <chrono>
 #include <cmath>
 
+#include "src/paths/importons.h"
+#include "src/paths/walk_tracer.h"
+
 namespace trex {
 namespace {
 
@@ -28,16 +31,17 @@ std::uint64_t photonTarget(std::uint32_t sample, std::uint64_t pixels) {
   return std::min(base + base * rounds, kMostPhotons);
 }
 
-LightPass::LightPass(const Scene& scene, const RayScene& rays, const LightSet& lights,
+LightPass::LightPass(const Scene& scene, const WalkTracer& walks, const LightSet& lights,
                      GRayTracer& device, LightCache& cache, std::uint32_t seed, bool rayBounces)
     : scene_(scene),
-      rays_(rays),
+      walks_(walks),
       lights_(lights),
       device_(device),
       cache_(cache),
       seed_(seed),
-      rayBounces_(rayBounces || rays.media() != nullptr || scene.maxBounces < kManyBounces) {
-  const Box3f bounds = rays.bounds();
+      rayBounces_(rayBounces || walks.rays().media() != nullptr ||
+                  scene.maxBounces < kManyBounces) {
+  const Box3f bounds = walks.rays().bounds();
   const double radius = bounds.empty() ? 1.0 : 0.5 * glm::length(dvec3(bounds.size()));
   const double sphere = 4.0 * std::numbers::pi * radius * radius;
   if (lights.totalPower() > 0.0 && sphere > 0.0) scale_ = lights.totalPower() / sphere;
@@ -48,9 +52,9 @@ void LightPass::aim(const CameraRays& camera, std::uint32_t width, std::uint32_t
   guides_ = lights_.guides();
   if (guides_.empty()) return;
   const auto start = std::chrono::steady_clock::now();
-  importance_ = ImportanceMap(scene_, rays_, camera, width, height, seed_);
+  importance_ = traceImportons(scene_, walks_, camera, width, height, seed_);
   if (importance_.empty()) guides_.clear();
-  lights_.hint(importance_, ClearLayers(scene_, rays_), guides_);
+  hintGuides(scene_, walks_, lights_, importance_, guides_);
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
   seconds_ += taken.count();
 }
@@ -62,14 +66,16 @@ std::uint64_t LightPass::boundary() const {
   return (emitted_ / batch + 1) * batch;
 }
 
-void LightPass::shoot(std::uint64_t count) {
+/// False if it was given up: nothing has changed then.
+bool LightPass::shoot(std::uint64_t count, const std::function<bool()>& giveUp) {
   const auto inverse = static_cast<float>(1.0 / scale_);
   const std::uint64_t end = boundary();
   const auto landed =
-      landPhotons(scene_, rays_, lights_, seed_, emitted_, count, rayBounces_, guides_);
+      landPhotons(scene_, walks_, lights_, seed_, emitted_, count, rayBounces_, guides_, giveUp);
+  if (!landed) return false;
   std::vector<shaderio::PhotonRecord> records;
-  records.reserve(landed.size());
-  for (const LandedPhoton& p : landed) {
+  records.reserve(landed->size());
+  for (const LandedPhoton& p : *landed) {
     const std::uint32_t flags =
         (rayBounces_ ? shaderio::kLastLanding : 0u) + (p.bounce > 0 ? shaderio::kLaterLanding : 0u);
     records.push_back(
@@ -79,11 +85,12 @@ void LightPass::shoot(std::uint64_t count) {
   if (!records.empty()) device_.tracePhotons(records, unit_);
   noticeLoss();  // these records are not among the lost
   emitted_ += count;
-  if (guides_.empty()) return;
-  unlearned_.insert(unlearned_.end(), landed.begin(), landed.end());
-  if (emitted_ < end) return;
+  if (guides_.empty()) return true;
+  unlearned_.insert(unlearned_.end(), landed->begin(), landed->end());
+  if (emitted_ < end) return true;
   wanted_ += learn(unlearned_, importance_, guides_);
   unlearned_.clear();
+  return true;
 }
 
 /// Whether the device has lost the flux of all photons so far.
@@ -94,16 +101,18 @@ bool LightPass::noticeLoss() {
   return lost;
 }
 
-bool LightPass::run(std::uint64_t target, const std::function<bool()>& keepGoing) {
+bool LightPass::run(std::uint64_t target, const std::function<bool()>& keepGoing,
+                    const std::function<bool()>& giveUp) {
   if (target <= resolved_ || !lights_.anyPower()) return true;
   const auto start = std::chrono::steady_clock::now();
   bool going = true;
   noticeLoss();  // while cones were traced
   do {
-    while (counted() < target && (going = keepGoing())) {
+    while (counted() < target && (going = going && keepGoing())) {
       const auto mark = std::chrono::steady_clock::now();
-      const std::uint64_t count = std::min({chunk_, boundary() - emitted_, target - counted()});
-      shoot(count);
+      // Photons that wait share loads: the more the better.
+      const std::uint64_t most = walks_.waits() ? kBatch : chunk_;
+      going = shoot(std::min({most, boundary() - emitted_, target - counted()}), giveUp);
       const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - mark;
       if (taken.count() > 1.5 * kChunkSeconds) chunk_ = std::max<std::uint64_t>(chunk_ / 2, 256);
       if (taken.count() < 0.5 * kChunkSeconds) chunk_ = std::min(chunk_ * 2, kBatch);

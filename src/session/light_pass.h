@@ -7,8 +7,8 @@
 
 #include "src/crays/camera_rays.h"
 #include "src/crays/light_cache.h"
-#include "src/crays/photons.h"
 #include "src/grays/grays.h"
+#include "src/paths/photons.h"
 
 namespace trex {
 
@@ -21,7 +21,7 @@ class LightPass {
  public:
   /// `rayBounces`: photons bounce as C-rays, and the device only adds up where they land. They do
   /// so in a scene with media or few bounces, whatever is said here: voxels know of neither.
-  LightPass(const Scene& scene, const RayScene& rays, const LightSet& lights, GRayTracer& device,
+  LightPass(const Scene& scene, const WalkTracer& walks, const LightSet& lights, GRayTracer& device,
             LightCache& cache, std::uint32_t seed, bool rayBounces);
 
   /// Photons of outside sources shall go where this camera's picture of width x height needs light.
@@ -33,7 +33,10 @@ class LightPass {
   /// milliseconds; false if it said no: the light is then as it was, and the next call goes on. The
   /// light depends on the number of photons alone, not on the calls that brought them. Where flux
   /// is lost with a device as many are shot again, and the light of before stays until then.
-  bool run(std::uint64_t target, const std::function<bool()>& keepGoing);
+  /// Photons that wait for pages may take a minute: `giveUp`, asked by all threads meanwhile, ends
+  /// it as keepGoing does.
+  bool run(std::uint64_t target, const std::function<bool()>& keepGoing,
+           const std::function<bool()>& giveUp = {});
 
   /// The device's sums are to be forgotten by whoever makes a new pass.
   std::uint64_t emitted() const { return emitted_; }
@@ -52,13 +55,13 @@ class LightPass {
 
  private:
   std::uint64_t boundary() const;
-  void shoot(std::uint64_t count);
+  bool shoot(std::uint64_t count, const std::function<bool()>& giveUp);
   /// Photons whose flux the device has.
   std::uint64_t counted() const { return emitted_ - lost_; }
   bool noticeLoss();
 
   const Scene& scene_;
-  const RayScene& rays_;
+  const WalkTracer& walks_;
   const LightSet& lights_;
   GRayTracer& device_;
   LightCache& cache_;

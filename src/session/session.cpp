@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "src/core/clock.h"
+#include "src/paths/walk_tracer.h"
 #include "src/session/picture_error.h"
 
 namespace trex {
@@ -44,15 +45,8 @@ Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
         VoxelLight::State::kPhotons);
     report_.deviceSeconds = secondsNow() - mark;
   }
+  makeWalks();
   makeCaustics();
-  if (settings_.rayMemory > 0 && model_->rays->parts().paged && !settings_.interactive) {
-    loads_ =
-        std::make_unique<LoadChoice>(model_->rays->parts().paged->table(), settings_.predictLoads);
-    if (settings_.recordTraffic) {
-      traffic_ = std::make_unique<TrafficRecord>(
-          static_cast<unsigned>(tbb::this_task_arena::max_concurrency()), BatchedTracer::kLoaders);
-    }
-  }
   makeSources();
 }
 
@@ -147,7 +141,7 @@ void Session::renewLight() {
   const bool photons = light_.state() == VoxelLight::State::kPhotons;
   if (photons && settings_.interactive) light_.aimAt(view_);
   const double mark = secondsNow();
-  light_.renew(*model_, *lights_, view_, settings_.width, settings_.height);
+  light_.renew(*model_, *walks_, *lights_, view_, settings_.width, settings_.height);
   if (photons) report_.aimSeconds = secondsNow() - mark;
 }
 
@@ -202,11 +196,26 @@ void Session::makeCamera() {
                                          settings_.height);
 }
 
+/// What traces all paths but those of the camera; where pages do not fit in memory they wait, too.
+void Session::makeWalks() {
+  const RayScene& rays = *model_->rays;
+  if (settings_.rayMemory == 0 || !rays.parts().paged || settings_.interactive) {
+    walks_ = std::make_unique<const WalkTracer>(rays);
+    return;
+  }
+  loads_ = std::make_unique<LoadChoice>(rays.parts().paged->table(), settings_.predictLoads);
+  if (settings_.recordTraffic) {
+    traffic_ = std::make_unique<TrafficRecord>(
+        static_cast<unsigned>(tbb::this_task_arena::max_concurrency()), PageRounds::kLoaders);
+  }
+  walks_ = std::make_unique<const WalkTracer>(rays, *loads_, settings_.rayMemory, traffic_.get());
+}
+
 /// Maps are made when samples ask for them.
 void Session::makeCaustics() {
   caustics_.reset();
   if (!CausticMaps::needed(model_->scene)) return;
-  caustics_ = std::make_unique<CausticMaps>(model_->scene, *model_->rays, pixels(), settings_.seed);
+  caustics_ = std::make_unique<CausticMaps>(model_->scene, *walks_, pixels(), settings_.seed);
 }
 
 void Session::makeSources() {

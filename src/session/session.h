@@ -97,8 +97,11 @@ class Session {
   /// stopped, in the middle of a pass too; only the time inside counts.
   void run(const KeepGoing& keepGoing = [] { return true; });
   /// Asked by any thread while paths wait for pages, which may take a minute: true gives up the
-  /// samples under way. A session that goes on takes them again.
-  void giveUpWhen(std::function<bool()> ask) { samples_.setGiveUp(std::move(ask)); }
+  /// samples or photons under way. A session that goes on takes them again.
+  void giveUpWhen(const std::function<bool()>& ask) {
+    samples_.setGiveUp(ask);
+    light_.setGiveUp(ask);
+  }
   /// The next piece of work, if there is any, for as long as keepGoing lets it; but of the viewer
   /// at least the coarsest picture of all tiles after a change. `pointer`: see TileScheduler.
   std::optional<Work> step(const KeepGoing& keepGoing, vec2 pointer);
@@ -174,6 +177,7 @@ class Session {
   void makeFrames();
   void makeCamera();
   void makeCaustics();
+  void makeWalks();
   void makeSources();
   SampleSource source(const LightCache* cache, CausticMaps* caustics);
   std::uint32_t samplesAtOnce() const;
@@ -199,6 +203,7 @@ class Session {
   std::unique_ptr<CausticMaps> caustics_;          ///< null where the scene has none
   std::unique_ptr<TrafficRecord> traffic_;         ///< if it was asked for
   std::unique_ptr<LoadChoice> loads_;              ///< where paths wait for pages; else null
+  std::unique_ptr<const WalkTracer> walks_;        ///< traces photons, importons, probes
   std::unique_ptr<FrameBuffers> frame_, preview_;  ///< preview_: the viewer's alone
   SampleSource source_, previewSource_;
 };

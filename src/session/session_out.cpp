@@ -3,6 +3,7 @@
 
 #include "src/core/clock.h"
 #include "src/core/error.h"
+#include "src/paths/walk_tracer.h"
 #include "src/session/checkpoint.h"
 #include "src/session/session.h"
 
@@ -114,7 +115,8 @@ SessionReport Session::report() const {
   SessionReport out = report_;
   out.pages = model_->rays->pageStatistics();
   out.textures = textureStatistics(model_->scene);
-  if (source_.batched) out.traffic = source_.batched->report();
+  out.traffic = walks_->report();
+  if (source_.batched) out.traffic.add(source_.batched->report());
   out.samplesDone = samplesDone();
   out.rays = samples_.rays();
   out.nonFinite = frame_->sums.nonFiniteCount();

@@ -38,8 +38,8 @@ void VoxelLight::invalidate(State from) {
   if (state_ > State::kAwaited) state_ = std::min(state_, from);
 }
 
-void VoxelLight::renew(const Model& model, const LightSet& lights, const Camera& view,
-                       std::uint32_t width, std::uint32_t height) {
+void VoxelLight::renew(const Model& model, const WalkTracer& walks, const LightSet& lights,
+                       const Camera& view, std::uint32_t width, std::uint32_t height) {
   switch (state_) {
     case State::kValues:
       if (setValues_) setValues_();
@@ -50,7 +50,7 @@ void VoxelLight::renew(const Model& model, const LightSet& lights, const Camera&
       state_ = State::kPhotons;
       return;
     case State::kPhotons:
-      start(model, lights,
+      start(model, walks, lights,
             CameraRays(aim_.value_or(view), model.rays->renderOrigin(), width, height), width,
             height);
       state_ = State::kShooting;
@@ -64,19 +64,19 @@ void VoxelLight::renew(const Model& model, const LightSet& lights, const Camera&
 }
 
 /// Photons of the present lights start anew.
-void VoxelLight::start(const Model& model, const LightSet& lights, const CameraRays& aim,
-                       std::uint32_t width, std::uint32_t height) {
+void VoxelLight::start(const Model& model, const WalkTracer& walks, const LightSet& lights,
+                       const CameraRays& aim, std::uint32_t width, std::uint32_t height) {
   Side& side = present_;
   side.device->resetFlux();
   const bool rays =
       kind_ == PhotonKind::kRay || (kind_ == PhotonKind::kAuto && side.device->sharesHostCores());
-  side.pass = std::make_unique<LightPass>(model.scene, *model.rays, lights, *side.device,
-                                          *side.cache, seed_, rays);
+  side.pass = std::make_unique<LightPass>(model.scene, walks, lights, *side.device, *side.cache,
+                                          seed_, rays);
   side.pass->aim(aim, width, height);
 }
 
 bool VoxelLight::shoot(std::uint64_t photons, const std::function<bool()>& keepGoing) {
-  if (!present_.pass->run(photons, keepGoing)) return false;
+  if (!present_.pass->run(photons, keepGoing, giveUp_)) return false;
   before_ = {};
   state_ = State::kReady;
   return true;

@@ -58,12 +58,15 @@ class VoxelLight {
   void setValues(std::function<void()> action) { setValues_ = std::move(action); }
 
   /// Does what kValues, kDevice or kPhotons asks for, and goes on to the next state. Photons of
-  /// `lights` are aimed at aim(), or else at `view`, of width x height pixels. Some ms at most.
-  void renew(const Model& model, const LightSet& lights, const Camera& view, std::uint32_t width,
-             std::uint32_t height);
+  /// `lights` are aimed at aim(), or else at `view`, of width x height pixels. `walks`, which must
+  /// outlive it, will trace them. Some ms at most, unless walks wait for pages.
+  void renew(const Model& model, const WalkTracer& walks, const LightSet& lights,
+             const Camera& view, std::uint32_t width, std::uint32_t height);
   /// Shoots what is missing up to `photons` in all: see LightPass::run(). True, and kReady, if
   /// keepGoing let it. In kShooting and kReady.
   bool shoot(std::uint64_t photons, const std::function<bool()>& keepGoing);
+  /// Asked by any thread while photons wait for pages: LightPass::run().
+  void setGiveUp(std::function<bool()> ask) { giveUp_ = std::move(ask); }
 
   /// Photons that the cached light knows of; 0: none is ready.
   std::uint64_t photons() const { return present_.pass ? present_.pass->resolved() : 0; }
@@ -103,8 +106,8 @@ class VoxelLight {
     std::unique_ptr<LightPass> pass;
   };
   const Side& shown() const { return before_.tree ? before_ : present_; }
-  void start(const Model& model, const LightSet& lights, const CameraRays& aim, std::uint32_t width,
-             std::uint32_t height);
+  void start(const Model& model, const WalkTracer& walks, const LightSet& lights,
+             const CameraRays& aim, std::uint32_t width, std::uint32_t height);
 
   std::uint32_t seed_;
   PhotonKind kind_;
@@ -113,6 +116,7 @@ class VoxelLight {
   State state_ = State::kAbsent;
   Side present_, before_;  ///< before_: of other voxels, while present_ has no light yet
   std::function<void()> setValues_;
+  std::function<bool()> giveUp_;
 };
 
 }  // namespace trex

@@ -2,10 +2,10 @@
 """Seconds a sample of two builds in turn, so that a change's cost is known on a noisy machine.
 
     tests/bench/two_builds.py --base OTHER/trex [--trex build/trex] [--scenes a,b] [--exact 1,0] [--spp 8]
-                              [--size 256x256] [--runs 5] [-- further options of trex render]
+                              [--size 256x256] [--runs 5] [--of all|photons] [-- further options of trex render]
 
 The interiors of the shared folder (TREX_SHARED, else ../shared) unless paths are given. Seconds are those of
-rendering, photons and filter included, set-up left out; each run of one build is followed by one of the other. Prints
+rendering, photons and filter included, set-up left out, or (--of photons) of photons alone; each run of one build is followed by one of the other. Prints
 the median of each and the median of the ratios, new over base; JSON with --json.
 """
 import argparse, json, os, statistics, subprocess, sys
@@ -23,6 +23,8 @@ def seconds(trex, scene, exact, options):
     if scene in ENV:
         command += ["--env", ENV[scene]]
     report = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
+    if options.of == "photons":
+        return report["photon_seconds"] / report["samples"]
     return (report["render_seconds"] + report["filter_seconds"]) / report["samples"]
 
 
@@ -35,6 +37,7 @@ def main():
     parser.add_argument("--spp", type=int, default=8)
     parser.add_argument("--size", default="256x256")
     parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--of", choices=("all", "photons"), default="all")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--out", default=os.path.join(ROOT, "build"))
     parser.add_argument("rest", nargs="*")

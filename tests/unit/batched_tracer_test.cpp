@@ -8,64 +8,14 @@
 #include <random>
 
 #include "src/core/error.h"
-#include "tests/unit/scenes.h"
-#include "tests/unit/stream_meshes.h"
+#include "tests/unit/paged_scenes.h"
 
 namespace trex {
 namespace {
 
+using test::paged, test::Paged;
+
 constexpr std::uint32_t kSide = 24;
-
-/// Wavy sheets above each other, of materials in turn: rays meet many groups before a hit.
-hccm::test::Soup sheets() {
-  hccm::test::Soup all;
-  for (int i = 0; i < 5; ++i) {
-    const hccm::test::Soup one = hccm::test::sheet(60);
-    const auto first = static_cast<std::uint32_t>(all.positions.size());
-    for (glm::vec3 p : one.positions) {
-      p.z += 0.06f * static_cast<float>(i) + 0.02f * std::sin(20.0f * p.x);
-      all.positions.push_back(p);
-    }
-    // With holes, so that rays go on to what is behind.
-    for (std::size_t t = 0; t < one.triangles.size(); ++t) {
-      if (t / 40 % 3 == static_cast<std::size_t>(i) % 3) continue;
-      all.triangles.push_back(one.triangles[t] + first);
-    }
-  }
-  return all;
-}
-
-/// A model in pages of which so many bytes may be there.
-struct Paged {
-  Scene scene;
-  std::unique_ptr<RayScene> rays;
-  const hccm::PagedMesh& mesh() const { return *rays->parts().paged; }
-  hccm::PageCache& cache() const { return mesh().cache(); }
-};
-
-std::uint64_t leastBytes(const hccm::PageTable& table) {
-  return hccm::PageCache::leastBytes(table);
-}
-
-Paged paged(const std::vector<Material>& materials, std::uint64_t pages) {
-  static const hccm::test::Soup soup = sheets();
-  hccm::test::Streamed streamed =
-      hccm::test::stream(soup, static_cast<std::uint32_t>(materials.size()));
-  Paged out;
-  out.scene.materials = materials;
-  for (std::size_t i = 0; i < 7 * materials.size(); ++i) out.scene.objects.push_back("sheet");
-  out.scene.environment.color = vec3(0.5f, 0.7f, 1.0f);
-  Light lamp;
-  lamp.position = dvec3(0.1, 0.2, 0.9);
-  lamp.intensity = vec3(3.0f, 2.0f, 1.0f);
-  out.scene.lights = {lamp};
-  out.scene.cameras = {test::lookAt(dvec3(0.3, -0.5, 0.6), dvec3(0.0, 0.0, 0.1), 0.9f)};
-  RayScene::Parts parts{dvec3(0.0), hccm::Mesh::build({}), {}, {}, nullptr};
-  const std::uint64_t bytes = pages * leastBytes(streamed.table);
-  parts.paged = std::make_unique<hccm::PagedMesh>(streamed.table, std::move(streamed.pages), bytes);
-  out.rays = std::make_unique<RayScene>(out.scene, std::move(parts));
-  return out;
-}
 
 std::vector<Material> plain() { return {test::lambert(0.6f), test::lambert(0.3f)}; }
 
@@ -195,23 +145,12 @@ TEST(BatchedTracer, SamplesAreTheSameWhereStagesLoadByThemselves) {
 
 /// A page that can't be read ends all threads with its error.
 TEST(BatchedTracer, APageThatCannotBeReadIsAnError) {
-  static const hccm::test::Soup soup = sheets();
-  hccm::test::Streamed streamed = hccm::test::stream(soup);
-  streamed.pages->failAt = streamed.table.pages[streamed.table.pages.size() / 2].offset;
-  Scene scene;
-  scene.materials = {test::lambert(0.6f)};
-  scene.objects = {"sheet"};
-  scene.environment.color = vec3(1.0f);
-  scene.cameras = {test::lookAt(dvec3(0.0, 0.0, 1.5), dvec3(0.0), 0.9f)};
-  RayScene::Parts parts{dvec3(0.0), hccm::Mesh::build({}), {}, {}, nullptr};
-  const std::uint64_t bytes = 3 * leastBytes(streamed.table);
-  parts.paged = std::make_unique<hccm::PagedMesh>(streamed.table, std::move(streamed.pages), bytes);
-  const RayScene rays(scene, std::move(parts));
-  const LightSet lights(scene, rays);
-  const CameraRays camera(scene.cameras.front(), dvec3(0.0), kSide, kSide);
-  const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, 5);
-  LoadChoice choice(rays.parts().paged->table());
-  BatchedTracer batched(tracer, rays, choice);
+  const Paged model = paged(plain(), 3, false, true);
+  const LightSet lights(model.scene, *model.rays);
+  const CameraRays camera(model.scene.cameras.front(), dvec3(0.0), kSide, kSide);
+  const PathTracer tracer(model.scene, *model.rays, lights, camera, GuessOptions{}, 5);
+  LoadChoice choice(model.mesh().table());
+  BatchedTracer batched(tracer, *model.rays, choice);
   const std::vector<PathJob> all = jobs();
   std::vector<PathSample> samples(all.size());
   std::vector<RayCounts> counts(all.size());
@@ -232,7 +171,7 @@ TEST(BatchedTracer, RecordsWhatHappened) {
   const CameraRays camera(model.scene.cameras.front(), dvec3(0.0), kSide, kSide);
   const PathTracer tracer(model.scene, *model.rays, lights, camera, GuessOptions{}, 5);
   LoadChoice choice(model.mesh().table());
-  TrafficRecord record(2, BatchedTracer::kLoaders);
+  TrafficRecord record(2, PageRounds::kLoaders);
   BatchedTracer batched(tracer, *model.rays, choice, &record);
   const std::vector<PathJob> all = jobs();
   std::vector<PathSample> samples(all.size());

@@ -1,10 +1,11 @@
-#include "src/crays/caustics.h"
+#include "src/paths/caustics.h"
 
 #include <gtest/gtest.h>
 
-#include "src/crays/photons.h"
 #include "src/frame/estimator.h"
 #include "src/paths/path_tracer.h"
+#include "src/paths/photons.h"
+#include "src/paths/walk_tracer.h"
 #include "tests/unit/glass_scenes.h"
 
 namespace trex {
@@ -19,7 +20,8 @@ std::vector<vec3> picture(const Scene& scene, std::uint32_t samples, std::uint32
   const RayScene rays(scene);
   const LightSet lights(scene, rays);
   const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
-  CausticMaps maps(scene, rays, kSide * kSide, seed);
+  const WalkTracer walks(rays);
+  CausticMaps maps(scene, walks, kSide * kSide, seed);
   const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, seed, true, &maps);
   std::vector<Moments> all(kSide * kSide);
   for (std::uint32_t s = 0; s < samples; ++s) {
@@ -223,7 +225,7 @@ TEST(Caustics, PhotonsAreAimedAtSmallMirrors) {
   scene.lights[0].range = 2.0f;  // as light sampling at the mirror cuts it
   const RayScene rays(scene);
   constexpr std::uint32_t kCount = 4096;
-  const auto photons = CausticLights(scene, rays, 0).shoot(0, 0, kCount);
+  const auto photons = CausticLights(scene, WalkTracer(rays), 0).shoot(0, 0, kCount);
   EXPECT_GT(photons.size(), kCount / 16);
   double power = 0.0;
   for (const CausticPhoton& p : photons) power += p.power.x / kCount;
@@ -245,7 +247,8 @@ TEST(Caustics, PhotonsKeepToTheRangeOfTheirLight) {
     const LightSet lights(scene, rays);
     constexpr std::uint32_t kCount = 20000;
     double landed = 0.0, sampled = 0.0;
-    for (const LandedPhoton& p : landPhotons(scene, rays, lights, 0, 0, kCount, false, {})) {
+    const auto photons = landPhotons(scene, WalkTracer(rays), lights, 0, 0, kCount, false);
+    for (const LandedPhoton& p : *photons) {
       landed += double(p.power.x) / kCount;
     }
     constexpr int kCells = 200;
@@ -278,7 +281,7 @@ TEST_P(EdgesOfDisks, LoseNoLight) {
     photons.push_back({half * vec3(u.x, 0.0f, u.y), up, up, vec3(1.0f / kCount), false});
   }
   const CausticWidths widths(photons, 1.0f, 1e9);  // the widest: 0.1 m
-  const CausticMap map(photons, widths, 1.0f, rays);
+  const CausticMap map(photons, widths, 1.0f, WalkTracer(rays));
   double sum = 0.0;
   for (std::uint32_t i = 0; i < kAcross * kAcross; ++i) {
     const vec2 at = (vec2(i % kAcross, i / kAcross) + 0.5f) * (2.0f / kAcross) - 1.0f;
@@ -302,7 +305,8 @@ TEST(Caustics, MapsDependOnNothingButTheirNumber) {
   test::place(scene, test::sphere(vec3(0.0f, 0.6f, 0.0f), 0.2f, 1, 16));
   scene.lights = {test::pointLight(dvec3(0.5, 2.0, 0.0), 5.0f)};
   const RayScene rays(scene);
-  CausticMaps forward(scene, rays, 1024, 3), single(scene, rays, 1024, 3);
+  const WalkTracer walks(rays);
+  CausticMaps forward(scene, walks, 1024, 3), single(scene, walks, 1024, 3);
   for (std::uint32_t s = 0; s < 5; ++s) forward.prepare({&s, 1});
   const std::uint32_t last = 4;
   single.prepare({&last, 1});
@@ -351,7 +355,8 @@ Estimate brightness(const Scene& scene, std::uint32_t samples, bool withMaps) {
   const RayScene rays(scene);
   const LightSet lights(scene, rays);
   const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
-  CausticMaps maps(scene, rays, kSide * kSide, 0);
+  const WalkTracer walks(rays);
+  CausticMaps maps(scene, walks, kSide * kSide, 0);
   const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, withMaps ? 1 : 2, true,
                           withMaps ? &maps : nullptr);
   double sum = 0.0, squares = 0.0;

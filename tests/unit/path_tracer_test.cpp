@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "src/frame/estimator.h"
+#include "src/paths/walk_tracer.h"
 #include "tests/unit/scenes.h"
 
 namespace trex {
@@ -106,7 +107,8 @@ TEST(PathTracer, SamplesAreTheSameInAnyWave) {
   const RayScene rays(scene);
   const LightSet lights(scene, rays);
   const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
-  CausticMaps caustics(scene, rays, kSide * kSide, 3);
+  const WalkTracer walks(rays);
+  CausticMaps caustics(scene, walks, kSide * kSide, 3);
   caustics.prepare(std::vector<std::uint32_t>{0, 1, 2, 3, 4});
   ASSERT_NE(caustics.find(4), nullptr);
   const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, 3, true, &caustics);

@@ -8,8 +8,10 @@
 #include <vector>
 
 #include "src/crays/camera_rays.h"
-#include "src/crays/photons.h"
 #include "src/frame/estimator.h"
+#include "src/paths/importons.h"
+#include "src/paths/photons.h"
+#include "src/paths/walk_tracer.h"
 #include "tests/unit/scenes.h"
 
 namespace trex {
@@ -83,14 +85,15 @@ Shot shoot(const Scene& scene, bool guided, std::uint32_t seed = 0) {
   const RayScene rays(scene);
   const LightSet lights(scene, rays);
   const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
-  const ImportanceMap importance(scene, rays, camera, kSide, kSide, seed);
+  const WalkTracer walks(rays);
+  const ImportanceMap importance = traceImportons(scene, walks, camera, kSide, kSide, seed);
   Shot shot;
   shot.guides = lights.guides();
-  lights.hint(importance, ClearLayers(scene, rays), shot.guides);
+  hintGuides(scene, walks, lights, importance, shot.guides);
   for (std::uint64_t i = 0; i < kBatches; ++i) {
     if (!guided) shot.guides = lights.guides();
     const auto batch =
-        landPhotons(scene, rays, lights, seed, i * kBatch, kBatch, false, shot.guides);
+        landPhotons(scene, walks, lights, seed, i * kBatch, kBatch, false, shot.guides).value();
     shot.wanted += learn(batch, importance, shot.guides);
     shot.landed.insert(shot.landed.end(), batch.begin(), batch.end());
     for (const LandedPhoton& p : batch) {
@@ -240,7 +243,7 @@ TEST(PhotonGuide, NothingWantedChangesNothing) {
   scene.cameras = {test::lookAt(dvec3(0, 50, 0), dvec3(0, 100, 0), 0.5f)};
   const RayScene rays(scene);
   const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
-  EXPECT_TRUE(ImportanceMap(scene, rays, camera, kSide, kSide, 0).empty());
+  EXPECT_TRUE(traceImportons(scene, WalkTracer(rays), camera, kSide, kSide, 0).empty());
   EXPECT_EQ(ImportanceMap().visits(vec3(0.0f), vec3(0, 1, 0)), 0.0f);
   const Shot plain = shoot(scene, false), guided = shoot(scene, true);
   EXPECT_EQ(guided.wanted, 0u);

@@ -154,6 +154,8 @@ int compare(const Scene& scene, const std::vector<PlainMaterial>& plain, std::ui
     if (!found) continue;
     EXPECT_TRUE(same(PlainLanes::vector(samples.direction, lane), next.direction));
     EXPECT_EQ(PlainLanes::vector(samples.weight, lane), next.weight);
+    EXPECT_TRUE(
+        same(lanes.photonFactor(next.direction, lane), bsdfs[lane].photonFactor(next.direction)));
     EXPECT_EQ(samples.pdf[lane], next.pdf);
     EXPECT_EQ(samples.roughness[lane], next.roughness);
   }

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include "src/paths/walk_tracer.h"
 #include "src/session/goal.h"
 #include "tests/unit/scenes.h"
 
@@ -220,7 +221,7 @@ class LightTest : public testing::Test {
         makeLightDevice(model_->scene.materials, model_->scene.images, *model_->voxels, settings()),
         next);
   }
-  void renew() { light_.renew(*model_, lights_, model_->scene.cameras.front(), 16, 16); }
+  void renew() { light_.renew(*model_, walks_, lights_, model_->scene.cameras.front(), 16, 16); }
   bool shoot(bool going = true) {
     return light_.shoot(5000, [&] { return going; });
   }
@@ -231,6 +232,7 @@ class LightTest : public testing::Test {
   }
 
   std::shared_ptr<const Model> model_ = room();
+  WalkTracer walks_{*model_->rays};
   LightSet lights_{model_->scene, *model_->rays};
   VoxelLight light_{settings()};
 };

@@ -1,11 +1,10 @@
-#include <tbb/parallel_for.h>
-
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <utility>
 
-#include "src/crays/caustics.h"
+#include "src/paths/caustics.h"
+#include "src/paths/walk_tracer.h"
 
 namespace trex {
 namespace {
@@ -27,50 +26,128 @@ bool sameSurface(const CausticPhoton& photon, const vec3& point, const vec3& nor
          std::abs(glm::dot(photon.position - point, normal)) <= kOffPlane * radius;
 }
 
-/// A random point of a photon's disk: what its kernel brings there to a surface, over what it would
-/// bring to a plane. Nothing beyond an edge.
-float probe(const CausticPhoton& photon, float radius, const RayScene& rays, Sampler& sampler) {
-  constexpr int kLayers = 8;
-  const Basis basis(photon.normal);
-  // Of the kernel's density: 1 - (1 - (r / radius)^2)^2 is uniform.
-  const vec2 u = sampler.next2D();
-  const float away = radius * std::sqrt(1.0f - std::sqrt(1.0f - u.x)), phi = 2.0f * kPi * u.y;
-  const vec3 aside = away * (std::cos(phi) * basis.tangent + std::sin(phi) * basis.bitangent);
-  const vec3 up = glm::dot(photon.towards, photon.normal) < 0.0f ? -photon.normal : photon.normal;
-  const float height = 1.5f * kOffPlane * radius;
-  RayStart from = dvec3(photon.position + aside + height * up);
-  float left = 2.0f * height;
-  for (int layer = 0; layer < kLayers; ++layer) {
-    RayHit hit;
-    if (!rays.intersect(from, -up, 0.0f, left, hit)) break;
-    const Surface surface = rays.surface(hit);
-    const vec3 point(surface.position), off = point - photon.position;
-    if (sameSurface(photon, point, surface.geometricNormal, radius)) {
-      const float cosine = std::abs(glm::dot(surface.geometricNormal, photon.normal));
-      return kernel(glm::dot(off, off), radius) / (kernel(away * away, radius) * cosine);
-    }
-    from = surface.leave();
-    left -= hit.t;
-  }
-  return 0.0f;
-}
+/// What a photon's disk is: how wide, and what the photon's power takes so that nothing is lost
+/// beyond edges.
+struct Spot {
+  std::uint32_t level = 0;
+  float gain = 1.0f;
+};
 
-/// What a photon's power takes so that nothing is lost beyond edges: 1 over the share s of its
+/// A probe looks at a random point of a photon's disk: what its kernel brings there to a surface,
+/// over what it would bring to a plane. Nothing beyond an edge.
+///
+/// First probes halve a disk until one finds something. Then the gain is 1 over the share s of the
 /// kernel that finds surfaces. Of n points in it and one more that does, n + 1 over those that do
 /// is (1 - (1 - s)^(n + 1)) / s on average; how many more are wanted until one does, where n + 1 do
 /// not, is the rest.
-float gainOfEdges(const CausticPhoton& photon, float radius, const RayScene& rays,
-                  Sampler& sampler) {
-  constexpr int kPoints = 3, kMostPoints = 64;
-  float sum = 1.0f;
-  for (int i = 0; i < kPoints; ++i) sum += probe(photon, radius, rays, sampler);
-  float gain = (kPoints + 1) / sum;
-  if (sum > 1.0f || probe(photon, radius, rays, sampler) > 0.0f) return gain;
-  for (int i = 0; i < kMostPoints; ++i) {
-    gain += 1.0f;
-    if (probe(photon, radius, rays, sampler) > 0.0f) break;
+struct Probe : Walk {
+  enum class Asks : std::uint8_t { kNarrower, kShare, kOne, kHowMany };
+  Asks asks = Asks::kNarrower;
+  int points = 0;       ///< of kShare and kHowMany, so far
+  float sum = 1.0f;     ///< what they brought
+  float radius = 0.0f;  ///< of the disk
+  float away = 0.0f;    ///< of the point, from the photon
+  int layers = 0;       ///< that the probe has passed
+};
+
+struct Probes {
+  using State = Probe;
+  static constexpr bool kAnyHit = false;
+  using Found = FindsNothing;
+  static constexpr int kLayers = 8, kPoints = 3, kMostPoints = 64;
+
+  std::span<const CausticPhoton> photons;
+  const CausticWidths& widths;
+  float shrink;
+  std::vector<Spot>& spots;  ///< by photon
+
+  Sampler sampler(std::uint32_t walk) const { return Sampler(0x73706f74u, walk, 0); }
+  bool begin(Probe& walk, Sampler& sampler) const;
+  static void await(const Surface&) {}
+  bool advance(Probe& walk, Sampler& sampler, const WalkEnd& end,
+               WalkFindings<FindsNothing>&) const;
+
+ private:
+  void look(Probe& walk, Sampler& sampler) const;
+  bool pass(Probe& walk, const WalkEnd& end, float& brings) const;
+  bool goesOn(Probe& walk, float brings) const;
+};
+
+bool Probes::begin(Probe& walk, Sampler& sampler) const {
+  Spot& spot = spots[walk.number];
+  spot.level = widths.level(photons[walk.number], sampler.next2D());
+  if (spot.level == 0) walk.asks = Probe::Asks::kShare;
+  look(walk, sampler);
+  return true;
+}
+
+/// A new probe.
+void Probes::look(Probe& walk, Sampler& sampler) const {
+  const CausticPhoton& photon = photons[walk.number];
+  walk.radius = widths.radius(spots[walk.number].level) * shrink;
+  const Basis basis(photon.normal);
+  // Of the kernel's density: 1 - (1 - (r / radius)^2)^2 is uniform.
+  const vec2 u = sampler.next2D();
+  walk.away = walk.radius * std::sqrt(1.0f - std::sqrt(1.0f - u.x));
+  const float phi = 2.0f * kPi * u.y;
+  const vec3 aside = walk.away * (std::cos(phi) * basis.tangent + std::sin(phi) * basis.bitangent);
+  const vec3 up = glm::dot(photon.towards, photon.normal) < 0.0f ? -photon.normal : photon.normal;
+  const float height = 1.5f * kOffPlane * walk.radius;
+  walk.start = dvec3(photon.position + aside + height * up);
+  walk.direction = -up;
+  walk.end = 2.0f * height;
+  walk.layers = 0;
+}
+
+bool Probes::advance(Probe& walk, Sampler& sampler, const WalkEnd& end,
+                     WalkFindings<FindsNothing>&) const {
+  float brings = 0.0f;
+  if (end.met() && pass(walk, end, brings)) return true;
+  if (!goesOn(walk, brings)) return false;
+  look(walk, sampler);
+  return true;
+}
+
+/// Whether the probe goes on behind a surface that is another one; else what it brings.
+bool Probes::pass(Probe& walk, const WalkEnd& end, float& brings) const {
+  const CausticPhoton& photon = photons[walk.number];
+  const Surface& surface = end.surface;
+  const vec3 point(surface.position), off = point - photon.position;
+  if (sameSurface(photon, point, surface.geometricNormal, walk.radius)) {
+    const float cosine = std::abs(glm::dot(surface.geometricNormal, photon.normal));
+    brings = kernel(glm::dot(off, off), walk.radius) /
+             (kernel(walk.away * walk.away, walk.radius) * cosine);
+    return false;
   }
-  return gain;
+  walk.start = surface.leave();
+  walk.end -= end.distance;
+  return ++walk.layers < kLayers;
+}
+
+/// Whether another probe is wanted, and for what.
+bool Probes::goesOn(Probe& walk, float brings) const {
+  Spot& spot = spots[walk.number];
+  switch (walk.asks) {
+    case Probe::Asks::kNarrower:
+      if (!(brings <= 0.0f) || --spot.level == 0) walk.asks = Probe::Asks::kShare;
+      return true;
+    case Probe::Asks::kShare:
+      walk.sum += brings;
+      if (++walk.points < kPoints) return true;
+      spot.gain = (kPoints + 1) / walk.sum;
+      walk.asks = Probe::Asks::kOne;
+      return !(walk.sum > 1.0f);
+    case Probe::Asks::kOne:
+      if (brings > 0.0f) return false;
+      walk.asks = Probe::Asks::kHowMany;
+      walk.points = 0;
+      break;
+    case Probe::Asks::kHowMany:
+      if (brings > 0.0f || ++walk.points == kMostPoints) return false;
+      break;
+  }
+  spot.gain += 1.0f;
+  return true;
 }
 
 }  // namespace
@@ -113,21 +190,15 @@ std::uint32_t CausticWidths::level(const CausticPhoton& photon, vec2 u) const {
 }
 
 CausticMap::CausticMap(std::span<const CausticPhoton> photons, const CausticWidths& widths,
-                       float shrink, const RayScene& rays) {
-  constexpr std::size_t kChunk = 512;
-  std::vector<CausticPhoton> whole(photons.begin(), photons.end());
-  std::vector<std::uint32_t> levels(photons.size());
-  tbb::parallel_for(std::size_t{0}, (photons.size() + kChunk - 1) / kChunk, [&](std::size_t chunk) {
-    for (std::size_t i = chunk * kChunk; i < std::min(photons.size(), (chunk + 1) * kChunk); ++i) {
-      Sampler sampler(0x73706f74u, static_cast<std::uint32_t>(i), 0);
-      levels[i] = widths.level(photons[i], sampler.next2D());
-      const auto radius = [&] { return widths.radius(levels[i]) * shrink; };
-      while (levels[i] > 0 && probe(photons[i], radius(), rays, sampler) <= 0.0f) --levels[i];
-      whole[i].power *= gainOfEdges(photons[i], radius(), rays, sampler);
-    }
-  });
+                       float shrink, const WalkTracer& walks) {
+  std::vector<Spot> spots(photons.size());
+  const Probes probes{photons, widths, shrink, spots};
+  walks.follow(probes, static_cast<std::uint32_t>(photons.size()));
   std::array<std::vector<CausticPhoton>, CausticWidths::kLevels> byLevel;
-  for (std::size_t i = 0; i < whole.size(); ++i) byLevel[levels[i]].push_back(whole[i]);
+  for (std::size_t i = 0; i < photons.size(); ++i) {
+    byLevel[spots[i].level].push_back(photons[i]);
+    byLevel[spots[i].level].back().power *= spots[i].gain;
+  }
   for (std::uint32_t level = 0; level < CausticWidths::kLevels; ++level) {
     if (byLevel[level].empty()) continue;
     grids_.emplace_back(std::move(byLevel[level]), widths.radius(level) * shrink);

@@ -2,7 +2,7 @@
 #include <cmath>
 
 #include "src/core/clock.h"
-#include "src/crays/caustics.h"
+#include "src/paths/caustics.h"
 
 namespace trex {
 namespace {
@@ -30,7 +30,7 @@ std::uint32_t CausticMaps::photonsOfMap() const {
 }
 
 void CausticMaps::start() {
-  lights_ = std::make_unique<const CausticLights>(scene_, rays_, seed_);
+  lights_ = std::make_unique<const CausticLights>(scene_, walks_, seed_);
   const auto photons = lights_->shoot(kOfWidths, 0, kWidthPhotons);
   shot_ += kWidthPhotons;
   const double share = static_cast<double>(kWidthPhotons) / photonsOfMap();
@@ -48,7 +48,7 @@ SampleCaustics CausticMaps::make(std::uint32_t sample) {
     for (CausticPhoton& p : photons) p.power /= static_cast<float>(count);
     shot_ += count;
     return std::make_unique<const CausticMap>(photons, *widths_,
-                                              static_cast<float>(std::sqrt(square)), rays_);
+                                              static_cast<float>(std::sqrt(square)), walks_);
   };
   return {sample, map(kSeen, photonsOfMap()), map(kLater, photonsOfMap() / kSparser)};
 }

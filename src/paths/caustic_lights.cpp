@@ -1,6 +1,4 @@
-#include "src/crays/caustics.h"
-
-#include <tbb/parallel_for.h>
+#include "src/paths/caustics.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,12 +7,12 @@
 #include "src/crays/lights_detail.h"
 #include "src/crays/microfacet.h"
 #include "src/crays/ray_scene_parts.h"
+#include "src/paths/walk_tracer.h"
 
 namespace trex {
 namespace {
 
 constexpr int kCausticBounces = 64;
-constexpr std::uint32_t kCausticChunk = 1024;
 constexpr std::uint32_t kPilotRounds = 4, kPilotRound = 1u << 13;
 constexpr std::size_t kBends = 4096;         // places on mirrors and glass that lights aim at
 constexpr std::size_t kAllHints = 1u << 20;  // of all lights together
@@ -100,17 +98,17 @@ struct CausticLights::Start {
   float range;  ///< of the light, not yet in its power
 };
 
-CausticLights::CausticLights(const Scene& scene, const RayScene& rays, std::uint32_t seed)
-    : scene_(scene), rays_(rays), seed_(seed) {
-  const Box3f bounds = rays.bounds();
+CausticLights::CausticLights(const Scene& scene, const WalkTracer& walks, std::uint32_t seed)
+    : scene_(scene), walks_(walks), rays_(walks.rays()), seed_(seed) {
+  const Box3f bounds = rays_.bounds();
   if (bounds.empty()) return;
   centre_ = bounds.centre();
   radius_ = std::max(0.5f * glm::length(bounds.size()), 1e-20f);
   for (const Light& light : scene.lights) {
     if (maxComponent(light.intensity) <= 0.0f) continue;
-    sources_.push_back({light, light.position - rays.renderOrigin()});
+    sources_.push_back({light, light.position - rays_.renderOrigin()});
   }
-  const std::vector<Bend> bends = findBends(scene, rays);
+  const std::vector<Bend> bends = findBends(scene, rays_);
   const std::size_t step = bends.size() * sources_.size() / kAllHints + 1;
   for (Source& source : sources_) {
     for (std::size_t i = 0; i < bends.size(); i += step) {
@@ -192,115 +190,161 @@ CausticLights::Start CausticLights::emit(const Source& source, Sampler& sampler)
   return start;
 }
 
-/// Follows a photon through mirrors and glass; each surface on the way that scatters as well gets
-/// it.
-void CausticLights::follow(const Start& start, Sampler& sampler,
-                           std::vector<CausticPhoton>& out) const {
-  const Media* const media = rays_.media();
-  RayStart from = start.origin;
-  vec3 direction = start.direction, power = start.power, absorption(0.0f);
-  const float most = maxComponent(power);
+/// A photon on its way.
+struct CausticLights::Photon : Walk {
+  vec3 power{0.0f}, absorption{0.0f};  ///< absorption: of the volume there, 1/m
+  float most = 0.0f;                   ///< largest channel at the light
   ClearPath clear;
-  RangeOnTheWay range(start.range);
+  RangeOnTheWay range{kInfinity};
   bool bent = false, blurred = false;
-  std::uint32_t turns = 1;  // as Scene::maxBounces counts, that where it is seen among them
-  for (int bounce = 0; bounce < kCausticBounces && maxComponent(power) > 0.0f; ++bounce) {
-    RayHit hit;
-    if (!rays_.intersect(from, direction, 0.0f, kInfinity, hit)) return;
-    range.advance(hit.t);
-    if (absorption != vec3(0.0f)) power *= glm::exp(-absorption * hit.t);
-    if (media != nullptr) power *= media->transmittance(from.position, direction, hit.t);
-    const Surface surface = rays_.surface(hit);
-    const Bsdf bsdf(scene_, surface, -direction);
-    if (bsdf.unlit()) return;
-    if (bsdf.coverage() < 1.0f && sampler.next1D() >= bsdf.coverage()) {
-      from = surface.leave();
-      continue;
-    }
-    const bool counts = blurred ? bsdf.hasBroad() : !bsdf.onlyDelta();
-    if (counts && (bent || !clear.straight(direction)) && isFinite(power)) {
-      out.push_back({vec3(surface.position), bsdf.geometricNormal(), -direction,
-                     power * range.factor(), blurred});
-    }
-    BsdfSample next;
-    if (!bsdf.sample(sampler, next)) return;
-    if (!next.delta && !bsdf.goesOnSharp(sampler, next)) return;
-    blurred |= !next.delta;
-    if (!next.delta || !next.transmitted || !ClearLayers::clear(bsdf)) {
-      bent = true;
-      power *= range.end();
-      if (++turns > scene_.maxBounces) return;
-    } else if (bsdf.refracts()) {
-      if (!clear.begun()) clear.begin(direction, 0.0f);
-      clear.refract(bsdf.normal(), bsdf.eta(), next.direction);
-    }
-    power *= next.weight * (next.etaSquared * bsdf.photonFactor(next.direction));
-    const float survival = std::min(1.0f, maxComponent(power) / most);
-    if (!(survival > 0.0f) || sampler.next1D() >= survival) return;
-    power /= survival;
-    absorption = bsdf.absorptionTowards(next.direction, absorption);
-    direction = next.direction;
-    if (!rays_.leave(surface, direction, bsdf.leavesFront(direction), from)) return;
+  std::uint32_t turns = 1;  ///< as Scene::maxBounces counts, that where it is seen among them
+  int bounces = 0;
+};
+
+/// Photons go through mirrors and glass; each surface on the way that scatters as well gets them.
+struct CausticLights::Photons {
+  using State = Photon;
+  static constexpr bool kAnyHit = false;
+  const CausticLights& of;
+
+  static bool begin(Photon& photon, const Start& start) {
+    photon.start = start.origin;
+    photon.direction = start.direction;
+    photon.power = start.power;
+    photon.most = maxComponent(start.power);
+    photon.range = RangeOnTheWay(start.range);
+    return photon.most > 0.0f;
   }
+  void await(const Surface& surface) const { prefetchTextures(of.scene_, surface); }
+  /// Calls land(CausticPhoton) where it lands.
+  template <typename Land>
+  bool advance(Photon& photon, Sampler& sampler, const WalkEnd& end, const Land& land) const {
+    if (!end.met()) return false;
+    arrive(photon, end.distance);
+    const Surface& surface = end.surface;
+    const Bsdf bsdf(of.scene_, surface, -photon.direction);
+    if (bsdf.unlit()) return false;
+    if (bsdf.coverage() < 1.0f && sampler.next1D() >= bsdf.coverage()) {
+      photon.start = surface.leave();
+    } else {
+      const bool counts = photon.blurred ? bsdf.hasBroad() : !bsdf.onlyDelta();
+      const bool bent = photon.bent || !photon.clear.straight(photon.direction);
+      if (counts && bent && isFinite(photon.power)) {
+        land(CausticPhoton{vec3(surface.position), bsdf.geometricNormal(), -photon.direction,
+                           photon.power * photon.range.factor(), photon.blurred});
+      }
+      if (!scatter(photon, sampler, surface, bsdf)) return false;
+    }
+    return ++photon.bounces < kCausticBounces && maxComponent(photon.power) > 0.0f;
+  }
+
+ private:
+  /// What the way to a surface takes.
+  void arrive(Photon& photon, float distance) const {
+    const Media* const media = of.rays_.media();
+    photon.range.advance(distance);
+    if (photon.absorption != vec3(0.0f)) photon.power *= glm::exp(-photon.absorption * distance);
+    if (media == nullptr) return;
+    photon.power *= media->transmittance(photon.start.position, photon.direction, distance);
+  }
+  bool scatter(Photon& photon, Sampler& sampler, const Surface& surface, const Bsdf& bsdf) const;
+};
+
+bool CausticLights::Photons::scatter(Photon& photon, Sampler& sampler, const Surface& surface,
+                                     const Bsdf& bsdf) const {
+  BsdfSample next;
+  if (!bsdf.sample(sampler, next)) return false;
+  if (!next.delta && !bsdf.goesOnSharp(sampler, next)) return false;
+  photon.blurred |= !next.delta;
+  if (!next.delta || !next.transmitted || !ClearLayers::clear(bsdf)) {
+    photon.bent = true;
+    photon.power *= photon.range.end();
+    if (++photon.turns > of.scene_.maxBounces) return false;
+  } else if (bsdf.refracts()) {
+    if (!photon.clear.begun()) photon.clear.begin(photon.direction, 0.0f);
+    photon.clear.refract(bsdf.normal(), bsdf.eta(), next.direction);
+  }
+  photon.power *= next.weight * (next.etaSquared * bsdf.photonFactor(next.direction));
+  const float survival = std::min(1.0f, maxComponent(photon.power) / photon.most);
+  if (!(survival > 0.0f) || sampler.next1D() >= survival) return false;
+  photon.power /= survival;
+  photon.absorption = bsdf.absorptionTowards(next.direction, photon.absorption);
+  photon.leave(surface, next.direction, bsdf.leavesFront(next.direction));
+  return true;
 }
 
 /// Photons of all lights in turn, from which their guides learn.
-void CausticLights::pilot(std::uint32_t round) {
-  struct Found {
-    vec4 primary;
-    float density, flux;
+struct CausticLights::PilotPhotons : Photons {
+  using Found = FindsNothing;
+  struct Pilot {
+    vec4 primary{0.0f};
+    float density = 1.0f, flux = 0.0f;
   };
-  const std::uint32_t chunks = kPilotRound / kCausticChunk;
+  std::uint32_t round;
+  std::vector<Pilot>& pilots;  ///< by walk
+
+  Sampler sampler(std::uint32_t walk) const {
+    return Sampler(0x70696c6fu, walk, hashCombine(of.seed_, round));
+  }
+  bool begin(Photon& photon, Sampler& sampler) const {
+    const Start start = of.emit(of.sources_[photon.number % of.sources_.size()], sampler);
+    pilots[photon.number] = {start.primary, start.density};
+    return Photons::begin(photon, start);
+  }
+  bool advance(Photon& photon, Sampler& sampler, const WalkEnd& end,
+               WalkFindings<FindsNothing>&) const {
+    return Photons::advance(photon, sampler, end, [&](const CausticPhoton& landed) {
+      pilots[photon.number].flux += luminance(landed.power);
+    });
+  }
+};
+
+void CausticLights::pilot(std::uint32_t round) {
   if (sources_.empty()) return;
-  std::vector<std::vector<Found>> found(chunks);
-  const auto lights = static_cast<std::uint32_t>(sources_.size());
-  tbb::parallel_for(std::uint32_t{0}, chunks, [&](std::uint32_t chunk) {
-    std::vector<CausticPhoton> landed;
-    for (std::uint32_t i = chunk * kCausticChunk; i < (chunk + 1) * kCausticChunk; ++i) {
-      Sampler sampler(0x70696c6fu, i, hashCombine(seed_, round));
-      const Start start = emit(sources_[i % lights], sampler);
-      landed.clear();
-      follow(start, sampler, landed);
-      float flux = 0.0f;
-      for (const CausticPhoton& p : landed) flux += luminance(p.power);
-      found[chunk].push_back({start.primary, start.density, flux});
-    }
-  });
-  const double each = std::max(1.0, static_cast<double>(kPilotRound) / lights);
-  std::uint32_t i = 0;
-  for (const auto& part : found) {
-    for (const Found& f : part) {
-      Source& source = sources_[i++ % lights];
-      if (f.flux <= 0.0f) continue;
-      source.guide.learn(f.primary, f.density, 1.0f);
-      source.flux += static_cast<double>(f.flux) / (each * kPilotRounds);
-    }
+  std::vector<PilotPhotons::Pilot> pilots(kPilotRound);
+  walks_.follow(PilotPhotons{{*this}, round, pilots}, kPilotRound);
+  const double each =
+      std::max(1.0, static_cast<double>(kPilotRound) / static_cast<double>(sources_.size()));
+  for (std::uint32_t i = 0; i < kPilotRound; ++i) {
+    if (pilots[i].flux <= 0.0f) continue;
+    Source& source = sources_[i % sources_.size()];
+    source.guide.learn(pilots[i].primary, pilots[i].density, 1.0f);
+    source.flux += static_cast<double>(pilots[i].flux) / (each * kPilotRounds);
   }
   for (Source& source : sources_) source.guide.update();
 }
+
+/// Photons of lights by their flux.
+struct CausticLights::MapPhotons : Photons {
+  using Found = CausticPhoton;
+  std::uint32_t seed, first;
+
+  Sampler sampler(std::uint32_t walk) const { return Sampler(0x63617573u, first + walk, seed); }
+  bool begin(Photon& photon, Sampler& sampler) const {
+    const std::vector<double>& sums = of.cumulative_;
+    const double choice = static_cast<double>(sampler.next1D()) * sums.back();
+    const auto at = std::upper_bound(sums.begin() + 1, sums.end() - 1, choice);
+    const auto index = static_cast<std::size_t>(at - sums.begin()) - 1;
+    Start start = of.emit(of.sources_[index], sampler);
+    start.power /= static_cast<float>((*at - *(at - 1)) / sums.back());
+    return Photons::begin(photon, start);
+  }
+  bool advance(Photon& photon, Sampler& sampler, const WalkEnd& end,
+               WalkFindings<CausticPhoton>& landed) const {
+    return Photons::advance(photon, sampler, end,
+                            [&](const CausticPhoton& at) { landed.add(photon, at); });
+  }
+};
 
 std::vector<CausticPhoton> CausticLights::shoot(std::uint32_t set, std::uint64_t first,
                                                 std::uint32_t count) const {
   if (!any_) return {};
   const std::uint32_t seed =
       hashCombine(hashCombine(seed_, set), static_cast<std::uint32_t>(first >> 32));
-  const std::uint32_t chunks = (count + kCausticChunk - 1) / kCausticChunk;
-  std::vector<std::vector<CausticPhoton>> landed(chunks);
-  tbb::parallel_for(std::uint32_t{0}, chunks, [&](std::uint32_t chunk) {
-    const std::uint32_t end = std::min(count, (chunk + 1) * kCausticChunk);
-    for (std::uint32_t i = chunk * kCausticChunk; i < end; ++i) {
-      Sampler sampler(0x63617573u, static_cast<std::uint32_t>(first) + i, seed);
-      const double choice = static_cast<double>(sampler.next1D()) * cumulative_.back();
-      const auto at = std::upper_bound(cumulative_.begin() + 1, cumulative_.end() - 1, choice);
-      const auto index = static_cast<std::size_t>(at - cumulative_.begin()) - 1;
-      Start start = emit(sources_[index], sampler);
-      start.power /= static_cast<float>((*at - *(at - 1)) / cumulative_.back());
-      follow(start, sampler, landed[chunk]);
-    }
-  });
-  std::vector<CausticPhoton> all;
-  for (const auto& part : landed) all.insert(all.end(), part.begin(), part.end());
-  return all;
+  const MapPhotons photons{{*this}, seed, static_cast<std::uint32_t>(first)};
+  std::vector<CausticPhoton> landed;
+  walks_.follow(photons, count, landed);
+  return landed;
 }
 
 }  // namespace trex

@@ -25,6 +25,8 @@
 
 namespace trex {
 
+class WalkTracer;
+
 /// A photon where a surface scatters it.
 struct CausticPhoton {
   vec3 position, normal;  ///< normal: geometric, unit
@@ -63,7 +65,7 @@ class CausticMap {
   /// Each photon is spread over a disk of the width at its place times `shrink`, or of a smaller
   /// one by chance where the disk hangs over edges, as far as there are surfaces in it.
   CausticMap(std::span<const CausticPhoton> photons, const CausticWidths& widths, float shrink,
-             const RayScene& rays);
+             const WalkTracer& walks);
   /// Radiance that leaves the surface towards the eye of the Bsdf by its broad lobes and, if asked
   /// for, by sharp ones of light that deltas alone have bent.
   vec3 radiance(const Surface& surface, const Bsdf& bsdf, bool sharpToo) const;
@@ -108,8 +110,8 @@ bool mayBend(const Material& material);
 /// Sends photons where mirrors and glass are. Immutable once made, so thread safe.
 class CausticLights {
  public:
-  /// Scene and rays must outlive it. Traces some 10^4 photons to find out where light is bent.
-  CausticLights(const Scene& scene, const RayScene& rays, std::uint32_t seed);
+  /// Scene and tracer must outlive it. Traces some 10^4 photons to find out where light is bent.
+  CausticLights(const Scene& scene, const WalkTracer& walks, std::uint32_t seed);
   /// Caustics of photons first .. first + count - 1 of a set, which are spread evenly; the same for
   /// any number of threads. Power is not yet divided by a number of photons.
   std::vector<CausticPhoton> shoot(std::uint32_t set, std::uint64_t first,
@@ -127,14 +129,18 @@ class CausticLights {
     double flux = 0.0;  ///< about, of caustics, W
   };
   struct Start;
+  struct Photon;
+  struct Photons;
+  struct PilotPhotons;
+  struct MapPhotons;
   vec3 direction(const Source& source, vec2 u) const;
   vec2 place(const Source& source, const vec3& point) const;
   void hint(Source& source, const vec3& point, const vec3& normal, float area) const;
   Start emit(const Source& source, Sampler& sampler) const;
-  void follow(const Start& start, Sampler& sampler, std::vector<CausticPhoton>& out) const;
   void pilot(std::uint32_t round);
 
   const Scene& scene_;
+  const WalkTracer& walks_;
   const RayScene& rays_;
   std::uint32_t seed_;
   vec3 centre_{0.0f};
@@ -160,8 +166,8 @@ class CausticMaps {
   /// Whether a scene has caustics: point-like lights, and mirrors or glass.
   static bool needed(const Scene& scene);
   /// Costs nothing yet.
-  CausticMaps(const Scene& scene, const RayScene& rays, std::uint64_t pixels, std::uint32_t seed)
-      : scene_(scene), rays_(rays), pixels_(pixels), seed_(seed) {}
+  CausticMaps(const Scene& scene, const WalkTracer& walks, std::uint64_t pixels, std::uint32_t seed)
+      : scene_(scene), walks_(walks), pixels_(pixels), seed_(seed) {}
 
   /// Makes the maps of these samples and forgets old ones. Not while find() is called.
   void prepare(std::span<const std::uint32_t> samples);
@@ -177,7 +183,7 @@ class CausticMaps {
   SampleCaustics make(std::uint32_t sample);
 
   const Scene& scene_;
-  const RayScene& rays_;
+  const WalkTracer& walks_;
   std::uint64_t pixels_;
   std::uint32_t seed_;
   std::unique_ptr<const CausticLights> lights_;  ///< null until the first map

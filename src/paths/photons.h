@@ -6,13 +6,16 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "src/crays/lights.h"
-#include "src/crays/ray_scene.h"
 
 namespace trex {
+
+class WalkTracer;
 
 struct LandedPhoton {
   vec3 position, normal;  ///< normal: geometric, unit, on the side the light came from
@@ -26,11 +29,14 @@ struct LandedPhoton {
 
 /// Traces photons first, first + 1, ... first + count - 1; those that land, in the order of their
 /// numbers and, with `allBounces`, of their landings; without, only the first is there.
-/// Deterministic for any number of threads (oneTBB). `guides` as in LightSet::emit.
-std::vector<LandedPhoton> landPhotons(const Scene& scene, const RayScene& rays,
-                                      const LightSet& lights, std::uint32_t seed,
-                                      std::uint64_t first, std::uint64_t count, bool allBounces,
-                                      std::span<const EmissionGuide> guides = {});
+/// Deterministic: see WalkTracer::follow(); none if `giveUp` said so. `guides` as in
+/// LightSet::emit.
+std::optional<std::vector<LandedPhoton>> landPhotons(const Scene& scene, const WalkTracer& walks,
+                                                     const LightSet& lights, std::uint32_t seed,
+                                                     std::uint64_t first, std::uint64_t count,
+                                                     bool allBounces,
+                                                     std::span<const EmissionGuide> guides = {},
+                                                     const std::function<bool()>& giveUp = {});
 
 /// Teaches the guides which photons landed where light is wanted, in their order. Returns how many
 /// of the sources with a guide did.
