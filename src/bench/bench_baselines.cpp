@@ -13,6 +13,7 @@
 #include "src/core/clock.h"
 #include "src/core/log.h"
 #include "src/paths/path_tracer.h"
+#include "src/paths/walk_tracer.h"
 
 namespace trex {
 namespace {
@@ -73,8 +74,9 @@ json photonMapping(const Model& model, const BaselineArguments& a, const Scorer&
   const RenderSettings& s = a.settings;
   double taken = 0.0, mark = secondsNow();
   const LightSet lights(model.scene, *model.rays);
-  const auto landed = landPhotons(model.scene, *model.rays, lights, s.seed, 0, a.photons, true);
-  const PhotonMap map(landed, a.photons, a.nearest);
+  const WalkTracer walks(*model.rays);
+  const auto landed = landPhotons(model.scene, walks, lights, s.seed, 0, a.photons, true);
+  const PhotonMap map(*landed, a.photons, a.nearest);
   const double photonSeconds = secondsNow() - mark;
   const CameraRays camera(model.scene.cameras.front(), model.rays->renderOrigin(), s.width,
                           s.height);

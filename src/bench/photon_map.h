@@ -7,7 +7,7 @@
 #include <span>
 
 #include "src/crays/light_cache.h"
-#include "src/crays/photons.h"
+#include "src/paths/photons.h"
 
 namespace trex {
 
