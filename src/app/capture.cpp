@@ -134,6 +134,7 @@ void Capture::runView(std::uint32_t frame) {
     }
     throw;
   }
+  if (leader_ != nullptr) leader_->rest();
   if (!a_.checkpoint.empty()) saveCheckpoint(session, frame);
   save(session, view, true);
   if (!a_.trace.empty()) saveTrace(session, view);

@@ -138,6 +138,8 @@ int leadJob(RenderArguments& a, machines::Leader& leader) {
   checkFiles(a);
   const bool local = a.sceneDb == "local";
   if (local) leader.welcome(true, false, {});
+  a.settings.sharedBytes = machines::kWindowBytes;
+  a.settings.servesModel = !local && !isBundlePath(a.input);
   OpenedRender opened;
   openForRender(a, {}, opened);
   if (!local) leader.welcome(false, isBundlePath(a.input), filesOf(a, opened));

@@ -12,12 +12,11 @@ constexpr std::size_t kMostHolders = 2;
 
 }  // namespace
 
-std::uint64_t unitsOfJob(const JobSizes& sizes, double unitsASecond, std::uint64_t left,
+std::uint64_t unitsOfJob(const JobSizes& sizes, double wanted, std::uint64_t left,
                          std::uint32_t machines) {
   // The last jobs end together: each is a half of an equal share of what is left.
   const std::uint64_t fair = left / (2 * std::max(machines, 1u));
-  const double wanted = std::min(unitsASecond * sizes.seconds, 1e15);
-  const auto byTime = static_cast<std::uint64_t>(wanted);
+  const auto byTime = static_cast<std::uint64_t>(std::min(wanted, 1e15));
   const std::uint64_t units =
       std::max<std::uint64_t>(std::min({std::max<std::uint64_t>(byTime, 1), fair, sizes.most}), 1);
   if (sizes.together <= 1 || sizes.together > sizes.most) return units;
@@ -86,15 +85,22 @@ std::optional<Job> JobLedger::deal(std::uint32_t machine, double now) {
     ++again_;
     return hand(*open, machine, now);
   }
+  if (machine == 0) {
+    if (Open* open = late(machine, now)) {
+      ++again_;
+      return hand(*open, machine, now);
+    }
+  }
   if (next_ < end_ && next_ - merged_ < sizes_.window) {
-    std::uint64_t units = unitsOfJob(sizes_, m.unitsASecond, end_ - next_, present());
+    const double seconds = machine == 0 ? sizes_.ownSeconds : sizes_.seconds;
+    std::uint64_t units = unitsOfJob(sizes_, m.unitsASecond * seconds, end_ - next_, present());
     // Whole samples end where samples end, wherever the range began.
     if (sizes_.together > 1 && units >= sizes_.together) units -= next_ % sizes_.together;
     const Job job{nextId_++, next_, std::min(next_ + units, end_)};
     next_ = job.end;
     return hand(open_[job.id] = {job, {}, 0.0}, machine, now);
   }
-  if (m.held > 0) return {};
+  if (machine == 0 || m.held > 0) return {};
   if (Open* open = late(machine, now)) {
     ++again_;
     return hand(*open, machine, now);

@@ -26,17 +26,18 @@ struct Job {
 };
 
 struct JobSizes {
-  double seconds = 0.25;        ///< that a job is to take
+  double seconds = 0.1;         ///< that a job is to take
+  double ownSeconds = 0.05;     ///< likewise of machine 0, which waits for nobody's message
   std::uint64_t most = 64;      ///< units of a job: its result is one message
   std::uint64_t window = 1024;  ///< units beyond what is merged that results may wait in
   std::uint64_t together = 1;   ///< units that one job should have: a whole sample's
   std::uint32_t atOnce = 2;     ///< jobs of a machine, so that it does not wait for the next
 };
 
-/// Units of the next job of a machine that traces so many a second (0: not known yet), where `left`
-/// are to be given out to `machines` machines: at least 1, a multiple of `together` where `most`
-/// lets it be.
-std::uint64_t unitsOfJob(const JobSizes& sizes, double unitsASecond, std::uint64_t left,
+/// Units of the next job of a machine that traces `wanted` in the time of a job (0: not known
+/// yet), where `left` are to be given out to `machines` machines: at least 1, a multiple of
+/// `together` where `most` lets it be.
+std::uint64_t unitsOfJob(const JobSizes& sizes, double wanted, std::uint64_t left,
                          std::uint32_t machines);
 
 /// What a machine did.
@@ -59,8 +60,9 @@ class JobLedger {
   void lose(std::uint32_t machine);
   bool takesPart(std::uint32_t machine) const { return machines_[machine].here; }
 
-  /// The next job of a machine that takes part: one that has been lost, a new one, or one that
-  /// another has had for long. Nothing if it has enough, or there is none.
+  /// The next job of a machine that takes part: one that has been lost, a new one, or, if there is
+  /// none, one that another has had for long; machine 0 takes such a one before new ones, for what
+  /// comes after it waits. Nothing if it has enough, or there is none.
   std::optional<Job> deal(std::uint32_t machine, double now);
   /// A machine brings the result of a job, which took it `seconds`: the job if this is the first,
   /// else nothing. Jobs that never were, or are void, are nothing too.

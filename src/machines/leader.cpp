@@ -15,10 +15,9 @@ namespace trex::machines {
 namespace {
 
 constexpr double kPingSeconds = 1.0;
-constexpr double kEndSeconds = 5.0;                               // that others have to say goodbye
-constexpr std::uint64_t kJobBytes = std::uint64_t{16} << 20;      // of a job's result, at most
-constexpr std::uint64_t kWindowBytes = std::uint64_t{128} << 20;  // of results that wait
-constexpr std::uint64_t kMostPart = std::uint64_t{16} << 20;      // of a file, at once
+constexpr double kEndSeconds = 5.0;                           // that others have to say goodbye
+constexpr std::uint64_t kJobBytes = std::uint64_t{4} << 20;   // of a job's result, at most
+constexpr std::uint64_t kMostPart = std::uint64_t{16} << 20;  // of a file, at once
 
 std::uint32_t sessionContents(const Session& session) {
   return contentsOf(session.buffers(), session.shownOptions().pairs);
@@ -36,6 +35,10 @@ JobSizes sizesFor(const Session& session, std::uint32_t machines) {
   sizes.window = std::max<std::uint64_t>(kWindowBytes / unit, 4 * std::uint64_t{machines});
   if (session.makesMapsOfSamples()) sizes.together = tiles.size();
   return sizes;
+}
+
+std::uint64_t nextUnit(const TileScheduler& tiles) {
+  return tiles.samplesDone() * std::uint64_t{tiles.tiles().size()} + tiles.tilesDone();
 }
 
 }  // namespace
@@ -288,6 +291,7 @@ void Leader::waitWhile(bool (*isAwaited)(const Machine&), const std::function<bo
 void Leader::beginView(std::uint32_t view) {
   const std::lock_guard lock(mutex_);
   throwIfFailed();
+  endPass();
   view_ = view;
   light_.reset();
   for (std::uint32_t i = 1; i < machines_.size(); ++i) {
@@ -305,11 +309,19 @@ void Leader::lightComes(const Session&, std::uint64_t photons) {
   }
 }
 
+/// Whether the pass that is under way is what the session wants next.
+bool Leader::goesOn(const Session& session) const {
+  const TileScheduler& tiles = session.buffers().tiles;
+  return pass_ && pass_->photons == session.light().photons() && next_ == nextUnit(tiles) &&
+         end_ == tiles.barrier() * std::uint64_t{tiles.tiles().size()} &&
+         pass_->shares == session.tileShares();
+}
+
 void Leader::startPass(const Session& session) {
   const TileScheduler& tiles = session.buffers().tiles;
-  const std::uint64_t count = tiles.tiles().size();
   const std::lock_guard lock(mutex_);
   throwIfFailed();
+  if (goesOn(session)) return;
   Pass pass;
   pass.view = view_.value_or(0);
   pass.number = ++passes_;
@@ -317,16 +329,24 @@ void Leader::startPass(const Session& session) {
   pass.contents = sessionContents(session);
   pass.shares = session.tileShares();
   pass_ = pass;
-  next_ = tiles.samplesDone() * count + tiles.tilesDone();
-  ledger_.start(next_, tiles.barrier() * count, sizesFor(session, link_.size()));
+  arrived_.clear();
+  next_ = nextUnit(tiles);
+  end_ = tiles.barrier() * std::uint64_t{tiles.tiles().size()};
+  ledger_.start(next_, end_, sizesFor(session, link_.size()));
   for (std::uint32_t i = 1; i < machines_.size(); ++i) {
     if (machines_[i].state == State::kReady) link_.send(i, pass);
   }
   dealAll();
 }
 
-void Leader::endPass() {
+void Leader::rest() {
   const std::lock_guard lock(mutex_);
+  endPass();
+}
+
+/// What has been given out is void.
+void Leader::endPass() {
+  if (!pass_) return;
   pass_.reset();
   arrived_.clear();
   ledger_.start(0, 0, {});
@@ -397,18 +417,11 @@ bool Leader::traceOne(Session& session, const std::function<bool()>& keepGoing) 
 
 void Leader::take(Session& session, const std::function<bool()>& keepGoing) {
   startPass(session);
-  const TileScheduler& tiles = session.buffers().tiles;
-  const std::uint64_t end = tiles.barrier() * std::uint64_t{tiles.tiles().size()};
-  try {
-    for (bool going = true; going && next_ < end;) {
-      going = traceOne(session, keepGoing);
-      mergeArrived(session);
-    }
-  } catch (...) {
-    endPass();
-    throw;
+  for (bool going = true; going && next_ < end_;) {
+    going = traceOne(session, keepGoing);
+    mergeArrived(session);
   }
-  endPass();
+  if (next_ == end_) rest();
 }
 
 std::vector<MachineRow> Leader::rows() const {

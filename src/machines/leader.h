@@ -26,6 +26,8 @@
 namespace trex::machines {
 
 inline constexpr double kSilentSeconds = 4.0;
+/// Of memory, for results that wait for those before them, about.
+inline constexpr std::uint64_t kWindowBytes = std::uint64_t{64} << 20;
 
 /// What --json says of a machine.
 struct MachineRow {
@@ -58,16 +60,19 @@ class Leader : public SampleSharer {
   void welcome(bool local, bool baked, std::vector<ServedFile> files);
   /// What they must have opened: another digest of theirs is an error.
   void expect(std::uint64_t digest);
-  /// Waits until all have greeted, or opened what they are to open; but for those that don't answer,
-  /// and only while keepGoing lets it. Throws Error.
+  /// Waits until all have greeted, or opened what they are to open; but for those that don't
+  /// answer, and only while keepGoing lets it. Throws Error.
   void waitForGreetings(const std::function<bool()>& keepGoing);
   void waitForModels(const std::function<bool()>& keepGoing);
 
   /// The next samples are of this view.
   void beginView(std::uint32_t view);
   void lightComes(const Session& session, std::uint64_t photons) override;
-  /// Throws the Error of a machine that failed.
+  /// Throws the Error of a machine that failed. If keepGoing says no the others go on with what
+  /// they have, and the next call takes it, if it is about the same samples.
   void take(Session& session, const std::function<bool()>& keepGoing) override;
+  /// No more samples are wanted for now.
+  void rest();
 
   /// By machine.
   std::vector<MachineRow> rows() const;
@@ -109,6 +114,7 @@ class Leader : public SampleSharer {
   void dealAll();
   void throwIfFailed() const;
   void waitWhile(bool (*isAwaited)(const Machine&), const std::function<bool()>& keepGoing);
+  bool goesOn(const Session& session) const;
   void startPass(const Session& session);
   void endPass();
   void mergeArrived(Session& session);
@@ -128,7 +134,7 @@ class Leader : public SampleSharer {
   std::optional<LightComes> light_;
   std::optional<Pass> pass_;  ///< under way
   std::uint32_t passes_ = 0;
-  std::uint64_t next_ = 0;                    ///< unit that the picture gets next
+  std::uint64_t next_ = 0, end_ = 0;          ///< units that the picture gets next, in this pass
   std::map<std::uint64_t, Arrived> arrived_;  ///< by first unit
   double pinged_ = 0.0;
   bool stopped_ = false, finished_ = false, broken_ = false;

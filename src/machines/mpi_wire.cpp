@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <cstdlib>
 #include <deque>
+#include <filesystem>
 
+#include "src/core/child.h"
 #include "src/core/error.h"
 #include "src/core/module.h"
 #include "src/machines/mpi/trex_mpi.h"
@@ -37,6 +39,13 @@ class MpiWire : public Wire {
     check(mpi().start(rank, size));
     rank_ = static_cast<std::uint32_t>(rank);
     size_ = static_cast<std::uint32_t>(size);
+    const Started started = startedAs();
+    if (size_ == started.size && rank_ == started.rank) return;
+    // Else each process would be a machine 0 of its own.
+    fail(ExitCode::kFailed,
+         "started as process {} of {}, but MPI says {} of {}: use the mpirun (or srun --mpi=pmix) "
+         "of {}",
+         started.rank, started.size, rank_, size_, mpiLibrary());
   }
   std::uint32_t rank() const override { return rank_; }
   std::uint32_t size() const override { return size_; }
@@ -99,7 +108,18 @@ Started startedAs() {
   if (std::getenv("PMIX_RANK") != nullptr) {
     return {numberOf("PMIX_RANK", 0), std::max(numberOf("SLURM_NTASKS", 1), 1u)};
   }
+  // Of another MPI, which ours does not understand; openMpiWire() says so.
+  if (std::getenv("PMI_SIZE") != nullptr) {
+    return {numberOf("PMI_RANK", 0), std::max(numberOf("PMI_SIZE", 1), 1u)};
+  }
   return {};
+}
+
+bool hasMpi() { return std::filesystem::exists(besideProgram(kFile)); }
+
+std::string mpiLibrary() {
+  const std::string text = mpi().library;
+  return text.substr(0, text.find(','));
 }
 
 std::unique_ptr<Wire> openMpiWire() { return std::make_unique<MpiWire>(); }

@@ -13,8 +13,13 @@ struct Started {
 };
 Started startedAs();
 
+/// Whether this program was built with MPI.
+bool hasMpi();
+/// "Open MPI v4.1.4". Opens the library; throws Error(kMemoryOrDevice) if it can't be.
+std::string mpiLibrary();
+
 /// Throws Error(kMemoryOrDevice) if this program was built without MPI or it can't be opened,
-/// Error(kFailed) if MPI can't start.
+/// Error(kFailed) if MPI can't start, or is another one than that of mpirun.
 std::unique_ptr<Wire> openMpiWire();
 
 }  // namespace trex::machines

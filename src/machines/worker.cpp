@@ -233,7 +233,8 @@ void Worker::run(std::shared_ptr<const Model> model, const std::vector<Camera>& 
           setView(work, decode<SetView>(body), heard->views);
           break;
         case Kind::kLight:
-          if (const auto light = decode<LightComes>(body); work.session && light.view == work.view) {
+          if (const auto light = decode<LightComes>(body);
+              work.session && light.view == work.view) {
             work.session->makeLight(light.photons,
                                     [this, begun = work.begun] { return views_ == begun; });
           }

@@ -20,16 +20,16 @@ JobLedger ledgerOf(std::uint32_t machines) {
 }
 
 TEST(Jobs, SizesFollowTimeWhatIsLeftAndWholeSamples) {
-  const JobSizes sizes{.seconds = 0.5, .most = 64};
+  const JobSizes sizes{.most = 64};
   EXPECT_EQ(unitsOfJob(sizes, 0.0, 1000, 4), 1u);  // nothing is known of it
-  EXPECT_EQ(unitsOfJob(sizes, 40.0, 1000, 4), 20u);
+  EXPECT_EQ(unitsOfJob(sizes, 20.0, 1000, 4), 20u);
   EXPECT_EQ(unitsOfJob(sizes, 1e9, 1000000, 4), 64u);
-  EXPECT_EQ(unitsOfJob(sizes, 40.0, 80, 4), 10u);  // half of an equal share
-  EXPECT_EQ(unitsOfJob(sizes, 40.0, 1, 4), 1u);
+  EXPECT_EQ(unitsOfJob(sizes, 20.0, 80, 4), 10u);  // half of an equal share
+  EXPECT_EQ(unitsOfJob(sizes, 20.0, 1, 4), 1u);
   JobSizes whole = sizes;
   whole.together = 12;
   EXPECT_EQ(unitsOfJob(whole, 0.0, 1000, 4), 12u);
-  EXPECT_EQ(unitsOfJob(whole, 40.0, 1000, 4), 24u);
+  EXPECT_EQ(unitsOfJob(whole, 20.0, 1000, 4), 24u);
   EXPECT_EQ(unitsOfJob(whole, 1e9, 1000000, 4), 60u);  // no more than 64
   whole.together = 100;
   EXPECT_EQ(unitsOfJob(whole, 1e9, 1000000, 4), 64u);
