@@ -17,8 +17,9 @@ std::uint64_t unitsOfJob(const JobSizes& sizes, double wanted, std::uint64_t lef
   // The last jobs end together: each is a half of an equal share of what is left.
   const std::uint64_t fair = left / (2 * std::max(machines, 1u));
   const auto byTime = static_cast<std::uint64_t>(std::min(wanted, 1e15));
+  const std::uint64_t byPages = std::min(sizes.least, left / std::max(machines, 1u));
   const std::uint64_t units =
-      std::max<std::uint64_t>(std::min({std::max<std::uint64_t>(byTime, 1), fair, sizes.most}), 1);
+      std::clamp<std::uint64_t>(std::max(std::min(byTime, fair), byPages), 1, sizes.most);
   if (sizes.together <= 1 || sizes.together > sizes.most) return units;
   const std::uint64_t whole = (units + sizes.together - 1) / sizes.together * sizes.together;
   return whole <= sizes.most ? whole : whole - sizes.together;
@@ -50,8 +51,6 @@ std::uint32_t JobLedger::present() const {
 }
 
 Job JobLedger::hand(Open& open, std::uint32_t machine, double now) {
-  const double rate = machines_[machine].unitsASecond;
-  open.expected = rate > 0.0 ? static_cast<double>(open.job.units()) / rate : 0.0;
   open.holders.push_back({machine, now});
   ++machines_[machine].held;
   return open.job;
@@ -65,12 +64,15 @@ JobLedger::Open* JobLedger::lost() {
   return nullptr;
 }
 
-/// The first job that another machine has had for long. A machine may hold several: the last of
-/// them has waited for those before.
+/// The first job that another machine has had for long, by its own speed, or this one's if that is
+/// not known yet. A machine may hold several: the last of them has waited for those before.
 JobLedger::Open* JobLedger::late(std::uint32_t machine, double now) {
   for (auto& [id, open] : open_) {
     if (open.holders.size() >= kMostHolders || open.holders.front().machine == machine) continue;
-    const double expected = open.expected * sizes_.atOnce;
+    const double own = machines_[open.holders.front().machine].unitsASecond;
+    const double rate = own > 0.0 ? own : machines_[machine].unitsASecond;
+    if (rate <= 0.0) continue;
+    const double expected = static_cast<double>(open.job.units() * sizes_.atOnce) / rate;
     if (now - open.holders.front().since > std::max(kLateSeconds, kLateTimes * expected)) {
       return &open;
     }
@@ -98,7 +100,7 @@ std::optional<Job> JobLedger::deal(std::uint32_t machine, double now) {
     if (sizes_.together > 1 && units >= sizes_.together) units -= next_ % sizes_.together;
     const Job job{nextId_++, next_, std::min(next_ + units, end_)};
     next_ = job.end;
-    return hand(open_[job.id] = {job, {}, 0.0}, machine, now);
+    return hand(open_[job.id] = {job, {}}, machine, now);
   }
   if (machine == 0 || m.held > 0) return {};
   if (Open* open = late(machine, now)) {

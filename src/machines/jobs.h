@@ -26,9 +26,12 @@ struct Job {
 };
 
 struct JobSizes {
-  double seconds = 0.1;         ///< that a job is to take
-  double ownSeconds = 0.05;     ///< likewise of machine 0, which waits for nobody's message
-  std::uint64_t most = 64;      ///< units of a job: its result is one message
+  double seconds = 0.1;      ///< that a job is to take
+  double ownSeconds = 0.05;  ///< likewise of machine 0, which waits for nobody's message
+  std::uint64_t most = 64;   ///< units of a job: its result is one message
+  /// That a job should have, up to an equal share of what is left: where paths wait for pages, each
+  /// of which is loaded once for all that are under way.
+  std::uint64_t least = 1;
   std::uint64_t window = 1024;  ///< units beyond what is merged that results may wait in
   std::uint64_t together = 1;   ///< units that one job should have: a whole sample's
   std::uint32_t atOnce = 2;     ///< jobs of a machine, so that it does not wait for the next
@@ -87,7 +90,6 @@ class JobLedger {
   struct Open {
     Job job;
     std::vector<Holder> holders;
-    double expected = 0.0;  ///< seconds, of the first holder; 0: not known
   };
   struct Machine {
     bool here = false;

@@ -32,7 +32,13 @@ JobSizes sizesFor(const Session& session, std::uint32_t machines) {
   const std::uint64_t unit = mostBytesOf(sessionContents(session), largest);
   JobSizes sizes;
   sizes.most = std::max<std::uint64_t>(kJobBytes / unit, 1);
-  sizes.window = std::max<std::uint64_t>(kWindowBytes / unit, 4 * std::uint64_t{machines});
+  if (const std::uint64_t paths = session.pathsAtOnce(); paths > 0) {
+    const std::uint64_t longest = kMostBytes / 2 / unit;
+    sizes.least = std::clamp<std::uint64_t>(paths / largest, 1, longest);
+    sizes.most = std::max(sizes.most, sizes.least);
+    sizes.atOnce = 1;
+  }
+  sizes.window = std::max(kWindowBytes / unit, 2 * std::uint64_t{machines} * sizes.most);
   if (session.makesMapsOfSamples()) sizes.together = tiles.size();
   return sizes;
 }

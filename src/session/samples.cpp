@@ -189,8 +189,7 @@ void SampleTaker::take(FrameBuffers& frame, const SampleSource& source, VoxelLig
 /// Pixels of a batch: one unit of a sweep, of the viewer's as many as it has time for.
 std::size_t SampleTaker::wanted(const SampleSource& source, std::size_t pixels) const {
   if (source.batched) {
-    const std::size_t most = std::min(mostWaiting_, waiting_ > 0 ? waiting_ : pixels);
-    return std::max<std::size_t>(most, kLargestUnit) - kLargestUnit + 1;
+    return std::max<std::size_t>(pathsAtOnce(pixels), kLargestUnit) - kLargestUnit + 1;
   }
   return interactive_ ? batchPixels_ : 1;
 }

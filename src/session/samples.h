@@ -65,6 +65,10 @@ class SampleTaker {
   /// which are taken again later.
   void setGiveUp(std::function<bool()> ask) { giveUp_ = std::move(ask); }
 
+  /// Paths of a batch that wait for pages, of a picture of so many pixels.
+  std::size_t pathsAtOnce(std::size_t pixels) const {
+    return std::min(mostWaiting_, waiting_ > 0 ? waiting_ : pixels);
+  }
   const RayCounts& rays() const { return rays_; }
   void restoreRays(const RayCounts& rays) { rays_ = rays; }
 

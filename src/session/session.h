@@ -142,6 +142,9 @@ class Session {
   void setTileShares(std::span<const double> shares);
   /// What the frame keeps of a sample.
   const FrameBuffers& buffers() const { return *frame_; }
+  /// Paths that wait for pages together, which is why they had better be taken together; 0 where
+  /// all pages fit in memory.
+  std::size_t pathsAtOnce() const { return loads_ ? samples_.pathsAtOnce(pixels()) : 0; }
   /// Whether each sample needs maps of its own, which machines had better make of few.
   bool makesMapsOfSamples() const { return caustics_ != nullptr; }
 

@@ -26,6 +26,11 @@ TEST(Jobs, SizesFollowTimeWhatIsLeftAndWholeSamples) {
   EXPECT_EQ(unitsOfJob(sizes, 1e9, 1000000, 4), 64u);
   EXPECT_EQ(unitsOfJob(sizes, 20.0, 80, 4), 10u);  // half of an equal share
   EXPECT_EQ(unitsOfJob(sizes, 20.0, 1, 4), 1u);
+  const JobSizes pages{.most = 64, .least = 50};
+  EXPECT_EQ(unitsOfJob(pages, 0.0, 1000, 4), 50u);
+  EXPECT_EQ(unitsOfJob(pages, 60.0, 1000, 4), 60u);
+  EXPECT_EQ(unitsOfJob(pages, 0.0, 80, 4), 20u);  // an equal share
+  EXPECT_EQ(unitsOfJob(pages, 0.0, 2, 4), 1u);
   JobSizes whole = sizes;
   whole.together = 12;
   EXPECT_EQ(unitsOfJob(whole, 0.0, 1000, 4), 12u);
