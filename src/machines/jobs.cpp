@@ -1,6 +1,7 @@
 #include "src/machines/jobs.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace trex::machines {
 namespace {
@@ -17,12 +18,19 @@ std::uint64_t unitsOfJob(const JobSizes& sizes, double wanted, std::uint64_t lef
   // The last jobs end together: each is a half of an equal share of what is left.
   const std::uint64_t fair = left / (2 * std::max(machines, 1u));
   const auto byTime = static_cast<std::uint64_t>(std::min(wanted, 1e15));
-  const std::uint64_t byPages = std::min(sizes.least, left / std::max(machines, 1u));
   const std::uint64_t units =
-      std::clamp<std::uint64_t>(std::max(std::min(byTime, fair), byPages), 1, sizes.most);
+      std::max<std::uint64_t>(std::min({std::max<std::uint64_t>(byTime, 1), fair, sizes.most}), 1);
   if (sizes.together <= 1 || sizes.together > sizes.most) return units;
   const std::uint64_t whole = (units + sizes.together - 1) / sizes.together * sizes.together;
   return whole <= sizes.most ? whole : whole - sizes.together;
+}
+
+std::uint64_t unitsOfLargeJob(std::uint64_t large, std::uint64_t all, std::uint32_t machines,
+                              double share) {
+  const std::uint64_t atOnce = std::max<std::uint64_t>(large * machines, 1);
+  const std::uint64_t rounds = std::max<std::uint64_t>((all + atOnce - 1) / atOnce, 1);
+  const double units = std::ceil(static_cast<double>(all) * share / static_cast<double>(rounds));
+  return std::clamp<std::uint64_t>(static_cast<std::uint64_t>(units), 1, large);
 }
 
 JobLedger::JobLedger(std::uint32_t machines) : machines_(machines) {}
@@ -31,7 +39,7 @@ void JobLedger::start(std::uint64_t first, std::uint64_t end, const JobSizes& si
   open_.clear();
   for (Machine& m : machines_) m.held = 0;
   sizes_ = sizes;
-  next_ = merged_ = first;
+  first_ = next_ = merged_ = first;
   end_ = end;
 }
 
@@ -48,6 +56,29 @@ void JobLedger::lose(std::uint32_t machine) {
 std::uint32_t JobLedger::present() const {
   return static_cast<std::uint32_t>(
       std::count_if(machines_.begin(), machines_.end(), [](const Machine& m) { return m.here; }));
+}
+
+/// What a machine traces of all that is traced: an equal part as long as speeds are not known.
+double JobLedger::shareOf(std::uint32_t machine) const {
+  double sum = 0.0;
+  for (const Machine& m : machines_) {
+    if (m.here && m.unitsASecond <= 0.0) return 1.0 / present();
+    if (m.here) sum += m.unitsASecond;
+  }
+  return machines_[machine].unitsASecond / sum;
+}
+
+/// Of the next new job of a machine.
+std::uint64_t JobLedger::unitsFor(std::uint32_t machine) const {
+  if (sizes_.large > 1) {
+    return unitsOfLargeJob(sizes_.large, end_ - first_, present(), shareOf(machine));
+  }
+  const double seconds = machine == 0 ? sizes_.ownSeconds : sizes_.seconds;
+  const std::uint64_t units =
+      unitsOfJob(sizes_, machines_[machine].unitsASecond * seconds, end_ - next_, present());
+  // Whole samples end where samples end, wherever the range began.
+  const bool whole = sizes_.together > 1 && units >= sizes_.together;
+  return whole ? units - next_ % sizes_.together : units;
 }
 
 Job JobLedger::hand(Open& open, std::uint32_t machine, double now) {
@@ -94,11 +125,7 @@ std::optional<Job> JobLedger::deal(std::uint32_t machine, double now) {
     }
   }
   if (next_ < end_ && next_ - merged_ < sizes_.window) {
-    const double seconds = machine == 0 ? sizes_.ownSeconds : sizes_.seconds;
-    std::uint64_t units = unitsOfJob(sizes_, m.unitsASecond * seconds, end_ - next_, present());
-    // Whole samples end where samples end, wherever the range began.
-    if (sizes_.together > 1 && units >= sizes_.together) units -= next_ % sizes_.together;
-    const Job job{nextId_++, next_, std::min(next_ + units, end_)};
+    const Job job{nextId_++, next_, std::min(next_ + unitsFor(machine), end_)};
     next_ = job.end;
     return hand(open_[job.id] = {job, {}}, machine, now);
   }

@@ -29,9 +29,9 @@ struct JobSizes {
   double seconds = 0.1;      ///< that a job is to take
   double ownSeconds = 0.05;  ///< likewise of machine 0, which waits for nobody's message
   std::uint64_t most = 64;   ///< units of a job: its result is one message
-  /// That a job should have, up to an equal share of what is left: where paths wait for pages, each
-  /// of which is loaded once for all that are under way.
-  std::uint64_t least = 1;
+  /// Above 1: jobs are not measured by time, but are as large as they can be up to so many units,
+  /// all alike. Where paths wait for pages each page is loaded once for all of a job.
+  std::uint64_t large = 1;
   std::uint64_t window = 1024;  ///< units beyond what is merged that results may wait in
   std::uint64_t together = 1;   ///< units that one job should have: a whole sample's
   std::uint32_t atOnce = 2;     ///< jobs of a machine, so that it does not wait for the next
@@ -42,6 +42,11 @@ struct JobSizes {
 /// `together` where `most` lets it be.
 std::uint64_t unitsOfJob(const JobSizes& sizes, double wanted, std::uint64_t left,
                          std::uint32_t machines);
+
+/// Units of each job where jobs are large and a machine traces `share` of what all do together:
+/// those of `all` units in as few rounds as `large` lets them be.
+std::uint64_t unitsOfLargeJob(std::uint64_t large, std::uint64_t all, std::uint32_t machines,
+                              double share);
 
 /// What a machine did.
 struct MachineWork {
@@ -98,6 +103,8 @@ class JobLedger {
     MachineWork work;
   };
   std::uint32_t present() const;
+  double shareOf(std::uint32_t machine) const;
+  std::uint64_t unitsFor(std::uint32_t machine) const;
   Job hand(Open& open, std::uint32_t machine, double now);
   Open* lost();
   Open* late(std::uint32_t machine, double now);
@@ -106,7 +113,7 @@ class JobLedger {
   std::map<std::uint32_t, Open> open_;  ///< not brought yet, by id, which is the order of units
   JobSizes sizes_;
   std::uint32_t nextId_ = 1;
-  std::uint64_t next_ = 0, end_ = 0, merged_ = 0, again_ = 0;
+  std::uint64_t first_ = 0, next_ = 0, end_ = 0, merged_ = 0, again_ = 0;
 };
 
 }  // namespace trex::machines

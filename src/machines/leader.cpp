@@ -34,8 +34,9 @@ JobSizes sizesFor(const Session& session, std::uint32_t machines) {
   sizes.most = std::max<std::uint64_t>(kJobBytes / unit, 1);
   if (const std::uint64_t paths = session.pathsAtOnce(); paths > 0) {
     const std::uint64_t longest = kMostBytes / 2 / unit;
-    sizes.least = std::clamp<std::uint64_t>(paths / largest, 1, longest);
-    sizes.most = std::max(sizes.most, sizes.least);
+    sizes.large =
+        std::clamp<std::uint64_t>(paths / largest, 2, std::max<std::uint64_t>(longest, 2));
+    sizes.most = std::max(sizes.most, sizes.large);
     sizes.atOnce = 1;
   }
   sizes.window = std::max(kWindowBytes / unit, 2 * std::uint64_t{machines} * sizes.most);

@@ -26,11 +26,6 @@ TEST(Jobs, SizesFollowTimeWhatIsLeftAndWholeSamples) {
   EXPECT_EQ(unitsOfJob(sizes, 1e9, 1000000, 4), 64u);
   EXPECT_EQ(unitsOfJob(sizes, 20.0, 80, 4), 10u);  // half of an equal share
   EXPECT_EQ(unitsOfJob(sizes, 20.0, 1, 4), 1u);
-  const JobSizes pages{.most = 64, .least = 50};
-  EXPECT_EQ(unitsOfJob(pages, 0.0, 1000, 4), 50u);
-  EXPECT_EQ(unitsOfJob(pages, 60.0, 1000, 4), 60u);
-  EXPECT_EQ(unitsOfJob(pages, 0.0, 80, 4), 20u);  // an equal share
-  EXPECT_EQ(unitsOfJob(pages, 0.0, 2, 4), 1u);
   JobSizes whole = sizes;
   whole.together = 12;
   EXPECT_EQ(unitsOfJob(whole, 0.0, 1000, 4), 12u);
@@ -38,6 +33,22 @@ TEST(Jobs, SizesFollowTimeWhatIsLeftAndWholeSamples) {
   EXPECT_EQ(unitsOfJob(whole, 1e9, 1000000, 4), 60u);  // no more than 64
   whole.together = 100;
   EXPECT_EQ(unitsOfJob(whole, 1e9, 1000000, 4), 64u);
+}
+
+TEST(Jobs, LargeOnesAreAlikeAndFew) {
+  EXPECT_EQ(unitsOfLargeJob(100, 120, 2, 0.5), 60u);
+  EXPECT_EQ(unitsOfLargeJob(50, 120, 2, 0.5), 30u);  // two rounds
+  EXPECT_EQ(unitsOfLargeJob(100, 120, 2, 0.75), 90u);
+  EXPECT_EQ(unitsOfLargeJob(70, 120, 2, 0.75), 70u);  // no larger than that
+  EXPECT_EQ(unitsOfLargeJob(100, 1, 4, 0.25), 1u);
+  JobLedger ledger = ledgerOf(3);
+  ledger.start(0, 300, {.large = 200, .atOnce = 1});
+  for (std::uint32_t m = 0; m < 3; ++m) EXPECT_EQ(ledger.deal(m, 0.0)->units(), 100u);
+  EXPECT_FALSE(ledger.deal(0, 0.0));
+  for (std::uint32_t id = 1; id <= 3; ++id) ledger.bring(id - 1, id, id == 3 ? 1.0 : 2.0);
+  ledger.start(0, 400, {.large = 1000, .atOnce = 1});  // the third is twice as fast
+  EXPECT_EQ(ledger.deal(0, 0.0)->units(), 100u);
+  EXPECT_EQ(ledger.deal(2, 0.0)->units(), 200u);
 }
 
 TEST(Jobs, WholeSamplesEndWhereSamplesEnd) {
