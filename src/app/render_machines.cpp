@@ -147,7 +147,8 @@ int leadJob(RenderArguments& a, machines::Leader& leader) {
   leader.expect(machinesDigest(a, *opened.model, opened.views));
   const auto going = [] { return interruptedBy() == 0; };
   leader.waitForGreetings(going);
-  if (local) leader.waitForModels(going);
+  // Jobs of paths that wait for pages are few: whoever comes late finds none.
+  if (local || a.settings.rayMemory > 0) leader.waitForModels(going);
   tellMachines(leader);
   Capture capture(a, std::move(opened.model), std::move(opened.views), opened.importSeconds,
                   &leader);

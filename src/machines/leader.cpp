@@ -324,6 +324,19 @@ bool Leader::goesOn(const Session& session) const {
          pass_->shares == session.tileShares();
 }
 
+/// Where jobs are large those who come late find none.
+void Leader::waitForViews(const std::function<bool()>& keepGoing) {
+  std::unique_lock lock(mutex_);
+  const auto sets = [&](const Machine& m) { return m.state == State::kReady && m.view != view_; };
+  while (!failure_ && std::any_of(machines_.begin() + 1, machines_.end(), sets)) {
+    lock.unlock();
+    const bool going = keepGoing();
+    lock.lock();
+    if (!going) return;
+    changed_.wait_for(lock, std::chrono::milliseconds(20));
+  }
+}
+
 void Leader::startPass(const Session& session) {
   const TileScheduler& tiles = session.buffers().tiles;
   const std::lock_guard lock(mutex_);
@@ -423,6 +436,7 @@ bool Leader::traceOne(Session& session, const std::function<bool()>& keepGoing) 
 }
 
 void Leader::take(Session& session, const std::function<bool()>& keepGoing) {
+  if (session.pathsAtOnce() > 0) waitForViews(keepGoing);
   startPass(session);
   for (bool going = true; going && next_ < end_;) {
     going = traceOne(session, keepGoing);

@@ -114,6 +114,7 @@ class Leader : public SampleSharer {
   void dealAll();
   void throwIfFailed() const;
   void waitWhile(bool (*isAwaited)(const Machine&), const std::function<bool()>& keepGoing);
+  void waitForViews(const std::function<bool()>& keepGoing);
   bool goesOn(const Session& session) const;
   void startPass(const Session& session);
   void endPass();

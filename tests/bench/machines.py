@@ -39,11 +39,11 @@ class Machines:
             for key, value in (("cpu.cfs_period_us", 20000), ("cpu.cfs_quota_us", int(20000 * share))):
                 with open(f"{CPU}/{space}/{key}", "w") as f:
                     f.write(str(value))
-        # What mpirun calls instead of ssh: it enters the machine that has the address.
+        # What mpirun calls instead of ssh: it enters the machine that has the address. (In a namespace /sys is another one.)
         self.agent = os.path.join(folder, "agent")
         with open(self.agent, "w") as f:
             f.write('#!/bin/sh\nnumber=$((${1##*.} - 1)); shift\n'
-                    f'echo $$ >{CPU}/{NAME}-$number/cgroup.procs\n'
+                    f'echo $$ >{folder}/cpu/{NAME}-$number/cgroup.procs || exit 1\n'
                     f'mkdir -p {folder}/$number; export TMPDIR={folder}/$number; cd {folder}/$number\n'
                     f'exec ip netns exec {NAME}-$number unshare --uts sh -c "hostname machine$number; $*"\n')
         os.chmod(self.agent, 0o755)
@@ -93,6 +93,8 @@ def main():
     os.environ["TREX_OIDN"] = "none"
     counts, machines = [int(x) for x in a.machines.split(",")], None
     try:
+        os.mkdir(os.path.join(folder, "cpu"))
+        call("mount", "--bind", CPU, os.path.join(folder, "cpu"))
         model = os.path.join(folder, "model.trex")
         call(trex, "bake", f"synth:assembly?triangles={a.triangles}&seed=3", "-o", model, "--stream", "-q")
         pages = json.loads(call(trex, "info", model, "--json").stdout)["mesh_pages"]
@@ -128,6 +130,7 @@ def main():
     finally:
         if machines:
             machines.remove()
+        call("umount", os.path.join(folder, "cpu"), check=False)
         shutil.rmtree(folder, ignore_errors=True)
     return 0
 
