@@ -102,10 +102,11 @@ def main():
         print(f"{a.triangles} triangles, {os.path.getsize(model) / 1e6:.1f} MB; {a.size}, {a.spp} samples, --exact {a.exact}; each machine "
               f"{a.share} of a core and {cache / 1e6:.1f} MB of pages")
         print("link      machines  database  seconds  speed-up  model sent  samples back  peak of others")
-        first = None
+        first = alone = None
         for megabits in a.megabits.split(","):
-            alone = None
             for count in counts:
+                if count == 1 and alone:  # it has no use for links
+                    continue
                 machines = Machines(count, megabits, a.share, folder)
                 for database in ("local", "central") if count > 1 else ("-",):
                     reports = []
