@@ -226,8 +226,9 @@ class FieldWriter {
 
  private:
   void put(const void* from, std::size_t size) {
-    const auto* bytes = static_cast<const std::byte*>(from);
-    out_.insert(out_.end(), bytes, bytes + size);
+    const std::size_t at = out_.size();
+    out_.resize(at + size);
+    std::memcpy(out_.data() + at, from, size);
   }
   void list(const void* from, std::size_t count, std::size_t size) {
     if (count > std::numeric_limits<std::uint32_t>::max()) throw MessageError("a list is too long");
