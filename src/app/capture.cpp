@@ -9,6 +9,7 @@
 #include <cstdlib>
 
 #include "src/app/render_report.h"
+#include "src/bundle/bundle.h"
 #include "src/command/interrupt.h"
 #include "src/core/clock.h"
 #include "src/core/error.h"
@@ -29,37 +30,58 @@ ToneMap toneMapOf(const RenderArguments& a, float exposure) {
   return {exposure, static_cast<ToneOperator>(at)};
 }
 
-}  // namespace
-
-std::uint64_t jobKey(const RenderArguments& a, const Model& model, const std::vector<View>& views) {
+/// What of a job decides the bits of its pictures, but for the files.
+std::string jobText(const RenderArguments& a, const Model& model, const std::vector<View>& views) {
   const RenderSettings& s = a.settings;
   std::string text =
       fmt::format("{} {}x{} {} {} {} {} {} {} {}", kVersion, s.width, s.height, exactText(s),
                   s.seed, static_cast<int>(s.guess), static_cast<int>(s.photonKind), s.device,
                   static_cast<int>(s.denoise), a.environment);
-  for (const SourceFile& file : model.scene.files)
-    text += fmt::format(" {:016x}", hashFile(file.path));
   // A memory limit may have made the voxels coarser.
   if (model.voxels) text += fmt::format(" {}", model.voxels->info.leafCount);
   // Of pages, cones read those that are there.
   if (s.maxGpuMemory > 0) text += fmt::format(" gpu {}", s.maxGpuMemory);
   if (s.transparent) text += " transparent";
-  if (mayUseOidn(s)) text += " oidn";  // which keeps more sums
   text += a.import.key();
   if (!a.edits.empty()) text += fmt::format(" {:016x}", hashFile(a.edits));
   for (const std::string& volume : a.volumes) text += ' ' + volume;
   for (const std::string& layer : a.layers) text += ' ' + layer;
   for (const View& view : views) text += ' ' + cameraText(view.camera);
+  return text;
+}
+
+std::string filesText(const Model& model) {
+  std::string text;
+  for (const SourceFile& file : model.scene.files) {
+    text += fmt::format(" {:016x}",
+                        isBundlePath(file.path) ? bundleDigest(file.path) : hashFile(file.path));
+  }
+  return text;
+}
+
+}  // namespace
+
+std::uint64_t jobKey(const RenderArguments& a, const Model& model, const std::vector<View>& views) {
+  std::string text = jobText(a, model, views) + filesText(model);
+  if (mayUseOidn(a.settings)) text += " oidn";  // which keeps more sums
+  return hashText(text);
+}
+
+std::uint64_t machinesDigest(const RenderArguments& a, const Model& model,
+                             const std::vector<View>& views) {
+  std::string text = jobText(a, model, views);
+  if (a.sceneDb == "local") text += filesText(model);
   return hashText(text);
 }
 
 Capture::Capture(const RenderArguments& arguments, std::shared_ptr<const Model> model,
-                 std::vector<View> views, double importSeconds)
+                 std::vector<View> views, double importSeconds, machines::Leader* leader)
     : a_(arguments),
       model_(std::move(model)),
       views_(std::move(views)),
       layers_(layersOf(arguments)),
       importSeconds_(importSeconds),
+      leader_(leader),
       key_(arguments.checkpoint.empty() ? 0 : jobKey(arguments, *model_, views_)) {}
 
 int Capture::run() {
@@ -94,8 +116,10 @@ void Capture::openCheckpoint() {
 
 void Capture::runView(std::uint32_t frame) {
   const View& view = views_[frame];
+  if (leader_ != nullptr) leader_->beginView(frame);
   Session session(model_, view.camera, a_.settings, layers_);
   session.giveUpWhen([] { return interruptedBy() != 0; });
+  session.shareSamples(leader_);
   if (resumed_ && resumed_->header().frame == frame) {
     session.restoreCheckpoint(*resumed_);
     logInfo("{}: going on after {} samples a pixel", a_.checkpoint, session.samplesDone());
@@ -103,12 +127,14 @@ void Capture::runView(std::uint32_t frame) {
   try {
     advance(session, frame);
   } catch (const Error& e) {
+    if (leader_ != nullptr && !a_.checkpoint.empty()) saveCheckpoint(session, frame);
     if (e.code() == ExitCode::kMemoryOrDevice && session.samplesDone() > 0) {
       save(session, view, false);
       logInfo("{}: saved after {} samples a pixel", view.output, session.samplesDone());
     }
     throw;
   }
+  if (leader_ != nullptr) leader_->rest();
   if (!a_.checkpoint.empty()) saveCheckpoint(session, frame);
   save(session, view, true);
   if (!a_.trace.empty()) saveTrace(session, view);
@@ -170,7 +196,7 @@ float exposureOf(const RenderArguments& a, const Picture& picture) {
 
 void Capture::save(Session& session, const View& view, bool report) {
   Picture picture = session.picture();
-  addMetadata(picture, a_, view, session);
+  addMetadata(picture, a_, view, session, leader_);
   const float exposure = exposureOf(a_, picture);
   writePicture(view.output, picture, toneMapOf(a_, exposure), a_.file);
   if (!report) return;
@@ -182,8 +208,8 @@ void Capture::save(Session& session, const View& view, bool report) {
         r.nonFinite, first.x, first.y, first.sample, a_.settings.seed);
   }
   if (a_.json) {
-    summaries_.push_back(
-        summary(a_, view, session, model_->scene.replaced.count, importSeconds_, exposure));
+    summaries_.push_back(summary(a_, view, session, model_->scene.replaced.count, importSeconds_,
+                                 exposure, leader_));
   } else {
     fmt::print("{}\n", view.output);
     std::fflush(stdout);

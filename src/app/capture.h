@@ -8,6 +8,7 @@
 #include "src/app/progress.h"
 #include "src/command/render_arguments.h"
 #include "src/frame/layers.h"
+#include "src/machines/leader.h"
 #include "src/session/checkpoint.h"
 #include "src/session/model.h"
 #include "src/session/session.h"
@@ -16,8 +17,9 @@ namespace trex {
 
 class Capture {
  public:
+  /// `leader`: of other machines that take samples too; may be null.
   Capture(const RenderArguments& arguments, std::shared_ptr<const Model> model,
-          std::vector<View> views, double importSeconds);
+          std::vector<View> views, double importSeconds, machines::Leader* leader = nullptr);
 
   /// Renders all pictures, or what a checkpoint says is left of them. Returns the exit code: 0, or
   /// 130 or 143 after an interrupt, with the picture so far and the checkpoint saved. If memory or
@@ -37,6 +39,7 @@ class Capture {
   std::vector<View> views_;
   PictureLayers layers_;
   double importSeconds_;
+  machines::Leader* leader_;
   std::uint64_t key_ = 0;  ///< of the job, if it has checkpoints
   std::optional<CheckpointReader> resumed_;
   double nextCheckpoint_ = 0.0;
@@ -49,5 +52,8 @@ float exposureOf(const RenderArguments& a, const Picture& picture);
 /// Hash of all that decides the bits of a job's pictures: the source files, the settings, the
 /// views.
 std::uint64_t jobKey(const RenderArguments& a, const Model& model, const std::vector<View>& views);
+/// Of what several machines must have alike; of the files only where each opens its own.
+std::uint64_t machinesDigest(const RenderArguments& a, const Model& model,
+                             const std::vector<View>& views);
 
 }  // namespace trex

@@ -22,6 +22,7 @@
 #include "src/core/version.h"
 #include "src/frame/oidn.h"
 #include "src/images/image_library.h"
+#include "src/machines/mpi_wire.h"
 #include "src/vulkan/vulkan.h"
 
 namespace trex {
@@ -105,6 +106,13 @@ void examineLibraries(Findings& found) {
                                  versionText(images / 10000, images / 100 % 100, images % 100));
   } catch (const Error& e) {
     found.problems.emplace_back(e.what());
+  }
+  if (machines::hasMpi()) {
+    try {
+      found.libraries.emplace_back("MPI", machines::mpiLibrary());
+    } catch (const Error& e) {
+      found.problems.emplace_back(e.what());
+    }
   }
   found.libraries.emplace_back("oneTBB", TBB_runtime_version());
   found.libraries.emplace_back(

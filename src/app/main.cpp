@@ -12,6 +12,7 @@
 #include "src/core/error.h"
 #include "src/core/log.h"
 #include "src/core/version.h"
+#include "src/machines/mpi_wire.h"
 
 namespace {
 
@@ -31,7 +32,9 @@ int run(int argc, char** argv) {
   app.add_flag("-v,--verbose", verbose, "Say more");
   int exitCode = 0;
   app.parse_complete_callback([&] {
-    if (quiet) trex::setLogLevel(trex::LogLevel::kError);
+    if (quiet && trex::machines::startedAs().rank == 0) {
+      trex::setLogLevel(trex::LogLevel::kError);
+    }
     if (verbose) trex::setLogLevel(trex::LogLevel::kVerbose);
   });
   trex::addRenderCommand(app, exitCode);
@@ -44,6 +47,17 @@ int run(int argc, char** argv) {
   trex::addDenoiseCommand(app);
   trex::addExportVdbCommand(app);
   trex::addBenchCommand(app, exitCode);
+  const trex::machines::Started started = trex::machines::startedAs();
+  if (started.rank > 0) trex::setLogLevel(trex::LogLevel::kQuiet);  // machine 0 says it
+  if (started.size > 1) {
+    for (CLI::App* command :
+         app.get_subcommands([](CLI::App* c) { return c->get_name() != "render"; })) {
+      command->preparse_callback([name = command->get_name()](std::size_t) {
+        trex::fail(trex::ExitCode::kUsage,
+                   "trex {}: runs on one machine; mpirun is for trex render", name);
+      });
+    }
+  }
   // As CLI11 wants them: from the last to the first.
   std::vector<std::string> arguments(argv + 1, argv + argc);
   std::reverse(arguments.begin(), arguments.end());

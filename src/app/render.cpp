@@ -1,48 +1,20 @@
 // trex render INPUT -o OUT: headless capture.
-#include <fmt/format.h>
 #include <tbb/global_control.h>
 
-#include <chrono>
 #include <cstdlib>
-#include <filesystem>
 #include <memory>
 #include <optional>
-#include <thread>
+#include <string>
 
 #include "src/app/app.h"
 #include "src/app/capture.h"
-#include "src/bundle/bundle.h"
-#include "src/command/interrupt.h"
+#include "src/app/render_machines.h"
+#include "src/app/render_open.h"
 #include "src/command/parse.h"
-#include "src/core/clock.h"
-#include "src/core/error.h"
-#include "src/core/file.h"
-#include "src/core/log.h"
-#include "src/core/memory.h"
-#include "src/frame/image_file.h"
-#include "src/images/image_library.h"
-#include "src/scene/import.h"
-#include "src/scene/look_file.h"
-#include "src/session/model_editor.h"
-#include "src/session/preflight.h"
-#include "src/session/samples.h"
-#include "src/vulkan/vulkan.h"
+#include "src/machines/mpi_wire.h"
 
 namespace trex {
 namespace {
-
-void checkOutputs(const std::vector<View>& views, const std::string& checkpoint) {
-  namespace fs = std::filesystem;
-  for (const View& view : views) {
-    checkWritable(view.output);
-    if (!checkpoint.empty() &&
-        fs::weakly_canonical(view.output) == fs::weakly_canonical(checkpoint)) {
-      fail(ExitCode::kUsage, "--checkpoint {}: is the picture's file too; name another",
-           checkpoint);
-    }
-  }
-  if (!checkpoint.empty()) checkWritable(checkpoint);
-}
 
 void setThreads(int threads, std::optional<tbb::global_control>& limit) {
   if (threads <= 0) return;
@@ -50,110 +22,18 @@ void setThreads(int threads, std::optional<tbb::global_control>& limit) {
   setenv("LP_NUM_THREADS", std::to_string(threads).c_str(), 0);  // lavapipe's own threads
 }
 
-/// The overlay's look; what it asks of the model and the settings is set. An exposure or a camera
-/// of the command line goes before the look's.
-Look readEdits(RenderArguments& a, const Scene& scene, ModelOptions& options) {
-  LookLight light;
-  Look look = readLook(a.edits, scene, lookOf(scene), &light);
-  a.settings.photons = light.photons;
-  a.settings.aim = light.aim;
-  options.voxelsInTheDark = true;
-  if (a.exposure == "auto" && look.exposure != 0.0f) a.exposure = fmt::format("{}", look.exposure);
-  return look;
-}
-
-/// Memory of paths that wait for pages. `left`: for these and the pages; `cache`: what was asked
-/// for these, or 0. Throws Error(kMemoryOrDevice) if it is not there.
-std::uint64_t rayMemory(const RenderSettings& s, const std::string& asked, std::uint64_t cache,
-                        std::uint64_t left) {
-  constexpr std::uint64_t kMost = std::uint64_t{1} << 30;
-  const std::uint64_t room = left > cache ? left - cache : 0;
-  if (asked == "off") return 0;
-  if (asked == "auto") {
-    const std::uint64_t samples = s.samples > 0 ? s.samples : 64;
-    const std::uint64_t all = memoryOfPaths(std::uint64_t{s.width} * s.height * samples);
-    return std::min({all, kMost, cache > 0 ? room : left / 4});
-  }
-  const std::uint64_t bytes = parseBytes(asked);
-  if (bytes > room || (cache == 0 && bytes > left / 4 * 3)) {
-    fail(ExitCode::kMemoryOrDevice,
-         "--ray-memory {}: {} are left for pages and paths that wait for them; make it or --cache "
-         "smaller, or --max-memory larger",
-         asked, formatBytes(left));
-  }
-  return bytes;
-}
-
-/// Limit of pages in memory: as asked for, or most of what the rest leaves. Where they don't fit
-/// paths wait for them, and the settings get the memory of these.
-std::uint64_t cacheFor(RenderArguments& a, const PagedSizes& paged, const Preflight& fit) {
-  a.settings.rayMemory = 0;
-  if (paged.pages == 0) return 0;
-  const std::uint64_t left = (fit.allowed - fit.needed) / 8 * 7;
-  std::uint64_t cache = a.cache.empty() ? std::max<std::uint64_t>(left, 1)
-                                        : std::max<std::uint64_t>(parseBytes(a.cache), 1);
-  if (cache < paged.pages) {
-    a.settings.rayMemory = rayMemory(a.settings, a.rayMemory, a.cache.empty() ? 0 : cache, left);
-    if (a.cache.empty()) cache = left - a.settings.rayMemory;
-  }
-  logVerbose("memory: {:>10} of pages, at most {} at a time", formatBytes(paged.pages),
-             formatBytes(std::min(cache, paged.pages)));
-  logVerbose("memory: {:>10} of paths that wait for pages", formatBytes(a.settings.rayMemory));
-  return std::min(cache, paged.pages);
-}
-
 int render(RenderArguments& a) {
   readSettings(a);
-  const PictureLayers layers = layersOf(a);
+  layersOf(a);
   exposureOf(a, Picture{});
-  checkWritable(a.output);
-  if (!a.trace.empty()) checkWritable(a.trace);
   std::optional<tbb::global_control> limit;
   setThreads(a.threads, limit);
-  const double start = secondsNow();
-  if (!isBundlePath(a.input)) checkSourceFits(a.input, a.settings);
-  OpenOptions open;
-  open.useStale = a.stale == "use";
-  if (!a.environment.empty()) open.environment = parseEnvironment(a.environment);
-  open.import = a.import;
-  for (const std::string& v : a.volumes) open.import.volumes.push_back(parseVolume(v));
-  open.import.maxMemory = a.settings.maxMemory;
-  // Beside the picture there is room for what does not fit.
-  open.import.textures =
-      textureCacheFor(a.settings, std::filesystem::absolute(a.output).parent_path());
-  open.model.voxels = a.settings.exact < 1.0;
-  open.model.voxelDepth = voxelDepthFor(std::uint64_t{a.settings.width} * a.settings.height);
-  std::vector<View> views;
-  std::optional<Look> look;
-  ModelOptions built;
-  double importSeconds = 0.0;
-  std::jthread imagesOpening;
-  std::optional<vulkan::DriversAhead> drivers;
-  open.prepare = [&](const Scene& scene, ModelOptions& model) {
-    if (needsImageLibrary(a.output)) imagesOpening = openImageLibraryBehind();
-    if (!a.edits.empty()) look = readEdits(a, scene, model);
-    views = makeViews(a, scene, look);
-    checkOutputs(views, a.checkpoint);
-    importSeconds = secondsNow() - start;
-    logVerbose("{}: {} triangles, {} unique, {} instances", a.input, scene.triangleCount(),
-               scene.uniqueTriangleCount(), scene.instances.size());
-    if (scene.maxBounces < 2) model.voxels = false;  // their light has made two
-    const std::uint64_t baked = isBundlePath(a.input)
-                                    ? std::filesystem::file_size(a.input) - model.paged.disk
-                                    : std::uint64_t{0};
-    // So that what the library takes is counted.
-    if (a.settings.maxMemory > 0 && imagesOpening.joinable()) imagesOpening.join();
-    const Preflight fit = preflight(scene, a.settings, layers, baked, model.paged.topLevel);
-    model.voxelBytes = fit.voxelBytes;
-    model.cacheBytes = cacheFor(a, model.paged, fit);
-    built = model;
-    catchInterrupts();
-    const bool device = model.voxels && a.settings.device != RenderSettings::kNoDevice;
-    if (device) drivers.emplace();
-  };
-  auto model = std::make_shared<Model>(openModel(a.input, open));
-  if (look) applyLook(model, *look, built);
-  Capture capture(a, std::move(model), std::move(views), importSeconds);
+  if (machines::startedAs().size > 1) return renderTogether(a);
+  checkFiles(a);
+  OpenedRender opened;
+  openForRender(a, {}, opened);
+  opened.applyLook();
+  Capture capture(a, std::move(opened.model), std::move(opened.views), opened.importSeconds);
   return capture.run();
 }
 
@@ -242,6 +122,12 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
       ->check(CLI::Range(0.0, 1e9))
       ->capture_default_str();
   c->add_flag("--resume", a->resume, "Go on from the checkpoint if there is one");
+  c->add_option(
+       "--scene-db", a->sceneDb,
+       "Where machines started by mpirun have the model from: central (machine 0 alone has "
+       "it) or local (each has a copy)")
+      ->check(CLI::IsMember({"central", "local"}))
+      ->capture_default_str();
   c->add_option("--stale", a->stale, "A bundle whose model has changed since: refuse or use")
       ->check(CLI::IsMember({"refuse", "use"}))
       ->capture_default_str();

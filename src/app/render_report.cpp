@@ -2,10 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 
 #include "src/core/memory.h"
 #include "src/core/version.h"
+#include "src/machines/identity.h"
 #include "src/scene/import.h"
 
 namespace trex {
@@ -21,10 +23,55 @@ const char* photonName(const SessionReport& r) {
   return r.photonRays ? "ray" : "voxel";
 }
 
+/// Machines whose samples are in the picture, this one first.
+std::vector<machines::MachineRow> contributors(const machines::Leader* leader) {
+  std::vector<machines::MachineRow> rows;
+  if (leader == nullptr) return rows;
+  for (const machines::MachineRow& row : leader->rows()) {
+    if (rows.empty() || row.work.jobs > 0) rows.push_back(row);
+  }
+  return rows;
+}
+
+/// The devices of all machines, each once.
+std::string deviceText(const SessionReport& r, const machines::Leader* leader) {
+  std::vector<std::string> names{r.device};
+  const auto rows = contributors(leader);
+  for (std::size_t i = 1; i < rows.size(); ++i) {
+    if (std::find(names.begin(), names.end(), rows[i].device) == names.end()) {
+      names.push_back(rows[i].device);
+    }
+  }
+  std::string text = names[0];
+  for (std::size_t i = 1; i < names.size(); ++i) text += "; " + names[i];
+  return text;
+}
+
+nlohmann::json machineRows(const machines::Leader& leader, const std::string& device) {
+  nlohmann::json out = nlohmann::json::array();
+  const auto rows = leader.rows();
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const machines::MachineRow& row = rows[i];
+    out.push_back({{"machine", i},
+                   {"host", row.host},
+                   {"threads", row.threads},
+                   {"instructions", machines::instructionText(row.instructions)},
+                   {"device", i == 0 ? device : row.device},
+                   {"jobs", row.work.jobs},
+                   {"jobs_of_no_use", row.work.twice},
+                   {"tile_samples", row.work.units},
+                   {"tracing_seconds", row.work.seconds},
+                   {"model_bytes_sent", row.servedBytes},
+                   {"peak_resident_bytes", row.peakBytes}});
+  }
+  return out;
+}
+
 }  // namespace
 
 nlohmann::json summary(const RenderArguments& a, const View& view, const Session& session,
-                       std::uint64_t replacedParts, double importSeconds, float exposure) {
+                       std::uint64_t replacedParts, double importSeconds, float exposure,
+                       const machines::Leader* leader) {
   const SessionReport r = session.report();
   const double error = session.estimatedError();
   nlohmann::json out = {
@@ -37,7 +84,7 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
       {"exact", a.settings.dial ? nlohmann::json("auto") : nlohmann::json(a.settings.exact)},
       {"exact_share", r.exactShare},
       {"seed", a.settings.seed},
-      {"device", r.device},
+      {"device", deviceText(r, leader)},
       {"guess", guessName(r)},
       {"photon_bounces", photonName(r)},
       {"triangles", r.mesh.triangles},
@@ -75,6 +122,12 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
       {"exposure_stops", exposure},
       {"tonemap", a.tonemap},
       {"peak_resident_bytes", peakResidentBytes()}};
+  if (leader != nullptr) {
+    out["machines"] = machineRows(*leader, r.device);
+    out["jobs_given_out_again"] = leader->jobsAgain();
+    out["machine_bytes_sent"] = leader->traffic().sentBytes;
+    out["machine_bytes_received"] = leader->traffic().receivedBytes;
+  }
   if (r.gRays.pages > 0) {
     out["voxel_pages"] = r.gRays.pages;
     out["voxel_page_slots"] = r.gRays.pageSlots;
@@ -105,7 +158,7 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
 }
 
 void addMetadata(Picture& picture, const RenderArguments& a, const View& view,
-                 const Session& session) {
+                 const Session& session, const machines::Leader* leader) {
   const SessionReport r = session.report();
   const auto put = [&](const char* key, const std::string& value) {
     picture.metadata.emplace_back(std::string("trex:") + key, value);
@@ -123,7 +176,18 @@ void addMetadata(Picture& picture, const RenderArguments& a, const View& view,
   put("denoised", r.denoiser);
   if (a.settings.transparent) put("transparent", "yes");
   if (a.import.maxBounces) put("maxBounces", bouncesText(*a.import.maxBounces));
-  put("device", r.device);
+  put("device", deviceText(r, leader));
+  if (const auto rows = contributors(leader);
+      std::any_of(rows.begin(), rows.end(), [&](const machines::MachineRow& row) {
+        return row.instructions != rows[0].instructions;
+      })) {
+    std::string text;
+    for (const machines::MachineRow& row : rows) {
+      text += (text.empty() ? "" : "; ") + row.host + ": " +
+              machines::instructionText(row.instructions);
+    }
+    put("instructions", text);
+  }
   put("nonFiniteSamples", std::to_string(r.nonFinite));
   put("renderOrigin", fmt::format("{},{},{}", origin.x, origin.y, origin.z));
 }

@@ -38,7 +38,10 @@ struct BundleReadOptions {
   std::uint64_t maxImageBytes = 0;  ///< of all texels together; 0: what the machine has
   /// That images keep to; null: all of them are in memory.
   std::shared_ptr<TextureCache> textures{};
-  std::filesystem::path file;  ///< read pages and tiles from it; empty: from the bytes
+  /// What starts there in the file, pages of a mesh (or at 0 tiles of images); empty: read from
+  /// the bytes.
+  std::function<std::unique_ptr<hccm::PageFile>(std::uint64_t start)> pages;
+  bundle::Container::Fetch fetch;  ///< of bytes that are not there yet
 };
 
 /// Reads a bundle's bytes; reads no other file. They must start at a multiple of 8 and not change
@@ -80,6 +83,16 @@ struct OpenOptions {
 
 /// Whether a path names a bundle, by its extension.
 bool isBundlePath(const std::filesystem::path& path);
+
+/// The hash of a bundle's header, which covers the hashes of all of its bytes: equal bundles have
+/// the same, and no others. Reads header and directory. Throws Error(kInput).
+std::uint64_t bundleDigest(const std::filesystem::path& path);
+
+/// Opens a bundle whose `size` bytes lie elsewhere: reads what the options need of them, pages of
+/// meshes when rays ask for them. `name`: for messages. Throws as openBundle(), and what `file`
+/// throws.
+Model openRemoteBundle(std::shared_ptr<const hccm::PageFile> file, std::uint64_t size,
+                       const std::string& name, const OpenOptions& options);
 
 /// Opens a bundle. Throws Error(kInput) if it is damaged, of another version, or stale: a source
 /// is there and its content has changed. A source that is gone is no error.

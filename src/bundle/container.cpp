@@ -67,9 +67,11 @@ bool hasBundleMagic(std::span<const std::byte> bytes) {
   return bytes.size() >= sizeof(kMagic) && std::memcmp(bytes.data(), kMagic, sizeof(kMagic)) == 0;
 }
 
-Container::Container(std::span<const std::byte> bytes, std::string name)
-    : bytes_(bytes), name_(std::move(name)) {
+Container::Container(std::span<const std::byte> bytes, std::string name, Fetch fetch)
+    : bytes_(bytes), name_(std::move(name)), fetch_(std::move(fetch)) {
+  this->fetch(0, std::min(bytes.size(), sizeof(Header)));
   const Header header = readHeader(bytes, name_);
+  digest_ = header.hash;
   const std::uint64_t offset = header.directoryOffset;
   if (offset < sizeof(Header) || offset % kAlignment != 0 || offset > bytes.size()) {
     fail(ExitCode::kInput, "{}: the directory is misplaced; bake again", name_);
@@ -79,6 +81,7 @@ Container::Container(std::span<const std::byte> bytes, std::string name)
   if (header.sectionCount > kMaxSections || bytes.size() - offset != expected) {
     fail(ExitCode::kInput, "{}: the directory has the wrong size; bake again", name_);
   }
+  this->fetch(offset, expected);
   if (hashOf(bytes.subspan(offset)) != header.directoryHash) {
     fail(ExitCode::kInput, "{}: damaged: the directory's checksum differs; bake again", name_);
   }
@@ -138,7 +141,28 @@ std::string Container::sectionAt(std::uint64_t offset) const {
   return after == sections_.begin() ? "none" : std::prev(after)->name;
 }
 
+void Container::fetch(std::uint64_t offset, std::uint64_t count) const {
+  if (fetch_ && count > 0) fetch_(offset, count);
+}
+
+/// Those that are not there yet, as many at once as follow each other.
+void Container::fetchPages(std::uint64_t first, std::uint64_t end) const {
+  if (!fetch_) return;
+  for (std::uint64_t at = first; at < end;) {
+    if (pageChecked_[at]) {
+      ++at;
+      continue;
+    }
+    std::uint64_t next = at;
+    while (next < end && !pageChecked_[next]) ++next;
+    const std::uint64_t from = sizeof(Header) + at * kPageBytes;
+    fetch(from, std::min(sizeof(Header) + next * kPageBytes, pagesEnd_) - from);
+    at = next;
+  }
+}
+
 void Container::checkPages(std::uint64_t first, std::uint64_t end) const {
+  fetchPages(first, end);
   std::atomic<std::uint64_t> bad = ~std::uint64_t{0};
   tbb::parallel_for(first, end, [&](std::uint64_t page) {
     if (pageChecked_[page]) return;

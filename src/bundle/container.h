@@ -32,11 +32,17 @@ struct Section {
 /// A file's bytes, seen as sections. Keeps no copy. One thread at a time.
 class Container {
  public:
+  /// Called before bytes [offset, offset + count) are read, once for each: where they come from
+  /// elsewhere, they must be there afterwards. May throw.
+  using Fetch = std::function<void(std::uint64_t offset, std::uint64_t count)>;
+
   /// Checks header and directory. `name` is the file's, for messages. Throws Error(kInput).
-  Container(std::span<const std::byte> bytes, std::string name);
+  Container(std::span<const std::byte> bytes, std::string name, Fetch fetch = {});
 
   const std::string& name() const { return name_; }
   std::uint64_t fileBytes() const { return bytes_.size(); }
+  /// Of all bytes, by the hashes of them that the file keeps.
+  std::uint64_t digest() const { return digest_; }
   const std::vector<Section>& sections() const { return sections_; }
   bool has(std::string_view section) const;
   /// The bytes of a section, after checking the pages they lie on. Throws Error(kInput) if there
@@ -55,14 +61,18 @@ class Container {
  private:
   const Section& find(std::string_view section) const;
   void readDirectory(std::uint64_t offset, std::uint32_t count);
+  void fetch(std::uint64_t offset, std::uint64_t count) const;
+  void fetchPages(std::uint64_t first, std::uint64_t end) const;
   void checkPages(std::uint64_t first, std::uint64_t end) const;
   std::string sectionAt(std::uint64_t offset) const;
 
   std::span<const std::byte> bytes_;
   std::string name_;
+  Fetch fetch_;
   std::vector<Section> sections_;                          ///< ascending and without gaps
   std::map<std::string, std::size_t, std::less<>> index_;  ///< by name
-  std::uint64_t pagesEnd_ = 0;                             ///< where the directory starts
+  std::uint64_t digest_ = 0;
+  std::uint64_t pagesEnd_ = 0;  ///< where the directory starts
   const std::byte* hashes_ = nullptr;
   mutable std::vector<std::uint8_t> pageChecked_;
 };

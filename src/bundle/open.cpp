@@ -42,20 +42,11 @@ hccm::Mesh readMesh(const Container& container, const std::string& section,
   }
 }
 
-/// Where the packed texels lie, at offsets in the file.
-std::shared_ptr<const TexelFile> texelFile(Bytes bytes, const std::shared_ptr<const void>& owner,
-                                           const std::string& name,
-                                           const BundleReadOptions& options) {
-  if (!options.file.empty()) {
-    return std::make_shared<bundle::BundleTexels>(
-        std::make_unique<bundle::FilePages>(options.file, 0));
-  }
-  return std::make_shared<bundle::BundleTexels>(
-      std::make_unique<bundle::MemoryPages>(bytes, owner, name, 0));
-}
-
+/// `file`: where the packed texels lie, at offsets in the bundle; `here`: the same in its bytes,
+/// once they are there.
 void readImages(const Container& container, const std::shared_ptr<const TexelFile>& file,
-                bundle::Description& d, const BundleReadOptions& options) {
+                const std::shared_ptr<const TexelFile>& here, bundle::Description& d,
+                const BundleReadOptions& options) {
   Scene& scene = d.scene;
   scene.textures = options.textures;
   std::uint64_t bytes = 0, mapBytes = 0;
@@ -70,14 +61,22 @@ void readImages(const Container& container, const std::shared_ptr<const TexelFil
     fail(ExitCode::kMemoryOrDevice, "{}: its images need {}, there are {}", container.name(),
          formatBytes(needed), formatBytes(limit));
   }
+  const auto nameOf = [](std::size_t i) { return fmt::format("image-{}.tiles", i); };
+  const auto stays = [&](std::size_t i) {
+    return whole || texelBytes(scene.images[i], d.imageKinds[i]) <= kTileBytes;
+  };
+  // From elsewhere what stays comes in large parts, and not tile by tile.
+  for (std::size_t i = 0; options.fetch && i < scene.images.size(); ++i) {
+    if (stays(i)) container.section(nameOf(i));
+  }
   tbb::parallel_for(std::size_t{0}, scene.images.size(), [&](std::size_t i) {
-    const std::string section = fmt::format("image-{}.tiles", i);
+    const std::string section = nameOf(i);
     Image& image = scene.images[i];
     try {
       auto tiles = std::make_shared<const PagedTexels>(
-          image, d.imageKinds[i], file, container.offsetOf(section),
-          container.uncheckedSection(section).size(), scene.textures);
-      if (whole || texelBytes(image, d.imageKinds[i]) <= kTileBytes) {
+          image, d.imageKinds[i], stays(i) && options.fetch ? here : file,
+          container.offsetOf(section), container.uncheckedSection(section).size(), scene.textures);
+      if (stays(i)) {
         tiles->whole(image);
       } else {
         image.paged = std::move(tiles);
@@ -119,10 +118,10 @@ void readPages(const Container& container, const std::shared_ptr<const void>& ow
   } catch (const hccm::FormatError& e) {
     fail(ExitCode::kInput, "{}: world.table: {}; bake again", container.name(), e.what());
   }
-  if (options.file.empty()) {
-    out.pageFile = std::make_unique<bundle::MemoryPages>(pages, owner, container.name(), start);
+  if (options.pages) {
+    out.pageFile = options.pages(start);
   } else {
-    out.pageFile = std::make_unique<bundle::FilePages>(options.file, start);
+    out.pageFile = std::make_unique<bundle::MemoryPages>(pages, owner, container.name(), start);
   }
 }
 
@@ -203,7 +202,7 @@ std::shared_ptr<const Bytes> mapFile(const fs::path& path) {
 
 BundleContents readBundle(Bytes bytes, std::shared_ptr<const void> owner, const std::string& name,
                           const BundleReadOptions& options) {
-  const Container container(bytes, name);
+  const Container container(bytes, name, options.fetch);
   bundle::Description d = bundle::readDescription(container.section("scene.json"), name);
   const bool paged = container.has("world.table");
   if (container.sections().size() != sectionsExpected(d, paged)) {
@@ -230,7 +229,11 @@ BundleContents readBundle(Bytes bytes, std::shared_ptr<const void> owner, const 
   if (!d.emitters.empty()) {
     bundle::unpackEmitters(container.section("emitters.bin"), name + ": emitters.bin", d);
   }
-  readImages(container, texelFile(bytes, owner, name, options), d, options);
+  const auto here = std::make_shared<bundle::BundleTexels>(
+      std::make_unique<bundle::MemoryPages>(bytes, owner, name, 0));
+  readImages(container,
+             options.pages ? std::make_shared<bundle::BundleTexels>(options.pages(0)) : here, here,
+             d, options);
   readMedia(container, d.scene);
   if (options.voxels && d.voxelDepth > 0) {
     try {
@@ -265,20 +268,32 @@ void attachPages(BundleContents& contents, std::uint64_t cacheBytes) {
 
 bool isBundlePath(const fs::path& path) { return path.extension() == ".trex"; }
 
-Model openBundle(const fs::path& path, const OpenOptions& options) {
-  const auto bytes = mapFile(path);
-  BundleReadOptions read;
-  read.voxels = options.model.voxels;
-  read.file = path;
-  read.textures = options.import.textures;
-  BundleContents contents = readBundle(*bytes, bytes, path.string(), read);
-  checkSources(path, contents.description, options.useStale);
+namespace {
+
+/// Memory for a file's bytes, none of which takes any before it is written.
+std::shared_ptr<const std::span<std::byte>> reserveBytes(std::uint64_t size,
+                                                         const std::string& name) {
+  using Room = std::span<std::byte>;
+  void* const start = ::mmap(nullptr, std::max<std::uint64_t>(size, 1), PROT_READ | PROT_WRITE,
+                             MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (start == MAP_FAILED) {
+    fail(ExitCode::kMemoryOrDevice, "{}: no room for {}: {}", name, formatBytes(size),
+         std::strerror(errno));
+  }
+  return {new Room(static_cast<std::byte*>(start), size), [](const Room* bytes) {
+            ::munmap(bytes->data(), std::max<std::size_t>(bytes->size(), 1));
+            delete bytes;
+          }};
+}
+
+/// The model of a bundle's contents, whose scene knows the files it is of.
+Model modelOf(BundleContents contents, const OpenOptions& options) {
+  const fs::path path(contents.description.scene.source);
   Scene& scene = contents.description.scene;
   if (options.environment) scene.environment = *options.environment;
   scene.maxBounces = options.import.maxBounces.value_or(scene.maxBounces);
   tellReplaced(scene, options.import.strict);
   noteVoxels(path, contents, options.model);
-  scene.files = {examineSource(path)};
   addVolumes(scene, options.import.volumes, options.import.maxMemory);
   ModelOptions wanted = options.model;
   wanted.paged = sizesOf(contents);
@@ -293,6 +308,42 @@ Model openBundle(const fs::path& path, const OpenOptions& options) {
     model.voxels = std::make_shared<asvo::Tree>(std::move(*contents.voxels));
   }
   return model;
+}
+
+}  // namespace
+
+Model openBundle(const fs::path& path, const OpenOptions& options) {
+  const auto bytes = mapFile(path);
+  BundleReadOptions read;
+  read.voxels = options.model.voxels;
+  read.textures = options.import.textures;
+  read.pages = [&](std::uint64_t start) {
+    return std::make_unique<bundle::FilePages>(path, start);
+  };
+  BundleContents contents = readBundle(*bytes, bytes, path.string(), read);
+  checkSources(path, contents.description, options.useStale);
+  contents.description.scene.files = {examineSource(path)};
+  return modelOf(std::move(contents), options);
+}
+
+Model openRemoteBundle(std::shared_ptr<const hccm::PageFile> file, std::uint64_t size,
+                       const std::string& name, const OpenOptions& options) {
+  const auto room = reserveBytes(size, name);
+  BundleReadOptions read;
+  read.voxels = options.model.voxels;
+  read.textures = options.import.textures;
+  read.fetch = [&](std::uint64_t offset, std::uint64_t count) {
+    file->read(offset, room->subspan(offset, count));
+  };
+  read.pages = [&](std::uint64_t start) {
+    return std::make_unique<bundle::PagesWithin>(file, start);
+  };
+  return modelOf(readBundle(*room, room, name, read), options);
+}
+
+std::uint64_t bundleDigest(const fs::path& path) {
+  const auto bytes = mapFile(path);
+  return Container(*bytes, path.string()).digest();
 }
 
 Model openModel(const fs::path& path, const OpenOptions& options) {

@@ -69,4 +69,22 @@ class BundleTexels : public TexelFile {
   std::unique_ptr<const hccm::PageFile> file_;
 };
 
+/// Pages that start somewhere in another file.
+class PagesWithin : public hccm::PageFile {
+ public:
+  PagesWithin(std::shared_ptr<const hccm::PageFile> file, std::uint64_t start)
+      : file_(std::move(file)), start_(start) {}
+  void read(std::uint64_t offset, std::span<std::byte> out) const override {
+    file_->read(start_ + offset, out);
+  }
+  void readAhead(std::uint64_t offset, std::uint64_t bytes) const override {
+    file_->readAhead(start_ + offset, bytes);
+  }
+  std::string place(std::uint64_t offset) const override { return file_->place(start_ + offset); }
+
+ private:
+  std::shared_ptr<const hccm::PageFile> file_;
+  std::uint64_t start_;
+};
+
 }  // namespace trex::bundle

@@ -29,7 +29,8 @@ struct RenderArguments {
   std::string checkpoint;
   double checkpointSeconds = 60.0;
   bool resume = false;
-  std::string stale = "refuse";  ///< or "use"
+  std::string stale = "refuse";     ///< or "use"
+  std::string sceneDb = "central";  ///< or "local"
   RenderSettings settings;
   int threads = 0;
   bool json = false;

@@ -55,6 +55,11 @@ struct RayCounts {
     cacheReads += o.cacheReads;
     exactPaths += o.exactPaths;
   }
+  /// Those that came since `before`.
+  RayCounts since(const RayCounts& o) const {
+    return {cRays - o.cRays, shadowRays - o.shadowRays, cones - o.cones, cacheReads - o.cacheReads,
+            exactPaths - o.exactPaths};
+  }
 };
 
 }  // namespace trex

@@ -131,11 +131,10 @@ double Dial::meanPairs() const {
   return pairs / static_cast<double>(pixels_);
 }
 
-void Dial::add(std::size_t tile, bool paired, const RayCounts& rays) {
+void Dial::add(std::size_t tile, bool paired, std::uint64_t rays) {
   DialTile& t = tiles_[tile];
-  const std::uint64_t count = rays.cRays + rays.shadowRays + rays.cones;
   (paired ? t.pairs : t.guesses) += 1;
-  (paired ? t.pairRays : t.guessRays) += count;
+  (paired ? t.pairRays : t.guessRays) += rays;
 }
 
 void Dial::look(std::span<const Tile> tiles, std::uint32_t samples, const Accumulator& sums) {

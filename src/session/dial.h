@@ -14,7 +14,6 @@
 
 #include "src/frame/accumulator.h"
 #include "src/frame/tiles.h"
-#include "src/paths/path_sample.h"
 #include "src/session/share_rule.h"
 
 namespace trex {
@@ -44,8 +43,10 @@ class Dial {
   double meanPairs() const;
   /// Samples of every pixel at which it looks next; none may have more before.
   std::uint32_t nextLook() const { return nextLook_; }
-  /// A sample of a tile is done.
-  void add(std::size_t tile, bool paired, const RayCounts& rays);
+  /// A sample of a tile is done, by so many rays.
+  void add(std::size_t tile, bool paired, std::uint64_t rays);
+  /// The share of a tile, as another dial chose it.
+  void setShare(std::size_t tile, double share) { tiles_[tile].share = share; }
   /// Every pixel has `samples` samples in `sums`: chooses anew if a look is due.
   void look(std::span<const Tile> tiles, std::uint32_t samples, const Accumulator& sums);
   /// The picture begins anew.

@@ -162,7 +162,8 @@ Preflight preflight(const Scene& scene, const RenderSettings& settings, const Pi
       bakedBytes > 0 ? 2 * bakedBytes : kFewestVoxelBytes * kVoxelCopies;
   phase("rendering", here - std::min(here, sourceBytes(scene) / 2) + meshes + topLevelBytes +
                          tiles + (device ? kDeviceBytes : 0) + (voxels ? voxelBytes : 0) +
-                         frameBytes(settings, layers));
+                         (settings.servesModel ? meshes + kFewestVoxelBytes : 0) +
+                         settings.sharedBytes + frameBytes(settings, layers));
   logVerbose("memory: {:>10} allowed", formatBytes(p.allowed));
   if (p.needed > p.allowed) refuse(p, settings, bakedBytes > 0);
   if (voxels) {

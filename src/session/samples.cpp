@@ -77,31 +77,52 @@ std::size_t costOf(const SampleBatch& batch) {
   return batch.jobs.size() - batch.looks + (batch.looks + kLooksOfASample - 1) / kLooksOfASample;
 }
 
-/// A finished sample enters the frame and its layers.
-void addSample(FrameBuffers& frame, const SampleBatch& batch, std::size_t i) {
-  const auto& [x, y, sample, paired, look] = batch.jobs[i];
+/// What sample i of a finished batch brings to a frame.
+TakenSample takenOf(const SampleBatch& batch, std::size_t i) {
   const PathSample& p = batch.paths[i];
-  if (look) {
-    frame.features->look(x, y, p.feature, isFinite(p.common) ? p.common : vec3(0.0f));
-    return;
-  }
-  const vec3 exact = p.common + p.exact;
+  const RayCounts& rays = batch.rays[i];
+  return {.guess = p.common + p.guess,
+          .exact = p.common + p.exact,
+          .light = p.common - p.own + p.guess,
+          .feature = p.feature,
+          .first = p.first,
+          .alpha = p.alpha,
+          .direct = p.direct,
+          .directExact = p.directExact,
+          .rays = static_cast<std::uint32_t>(rays.cRays + rays.shadowRays + rays.cones),
+          .paired = batch.jobs[i].paired};
+}
+
+/// A sample enters the frame and its layers.
+void addSample(FrameBuffers& frame, std::uint32_t x, std::uint32_t y, std::uint32_t sample,
+               const TakenSample& p) {
   if (sample == 0) frame.restart(x, y);
-  const bool finite = frame.sums.add(x, y, sample, p.common + p.guess, paired ? &exact : nullptr);
+  const bool finite = frame.sums.add(x, y, sample, p.guess, p.paired ? &p.exact : nullptr);
   if (frame.features && finite) {
-    const vec3 light = p.common - p.own + p.guess;
-    frame.features->add(x, y, p.feature, light);
-    if (frame.memory) frame.memory->add(p.feature, light);
+    frame.features->add(x, y, p.feature, p.light);
+    if (frame.memory) frame.memory->add(p.feature, p.light);
   }
   if (frame.coverage) frame.coverage->add(x, y, p.alpha);
   if (frame.firstHits) frame.firstHits->add(x, y, sample, p.first);
-  if (frame.direct && finite) frame.direct->add(x, y, p.direct, paired ? &p.directExact : nullptr);
-  if (frame.dial) frame.dial->add(frame.tiles.tileAt(x, y), paired, batch.rays[i]);
-  if (frame.rayClasses) {
-    const RayCounts& rays = batch.rays[i];
-    frame.rayClasses->add(x, y, static_cast<float>(rays.cRays + rays.shadowRays),
-                          static_cast<float>(rays.cones + rays.cacheReads));
+  if (frame.direct && finite) {
+    frame.direct->add(x, y, p.direct, p.paired ? &p.directExact : nullptr);
   }
+  if (frame.dial) frame.dial->add(frame.tiles.tileAt(x, y), p.paired, p.rays);
+}
+
+/// A sample or a look of a finished batch.
+void addJob(FrameBuffers& frame, const SampleBatch& batch, std::size_t i) {
+  const PathJob& job = batch.jobs[i];
+  if (job.look) {
+    const PathSample& p = batch.paths[i];
+    frame.features->look(job.x, job.y, p.feature, isFinite(p.common) ? p.common : vec3(0.0f));
+    return;
+  }
+  addSample(frame, job.x, job.y, job.sample, takenOf(batch, i));
+  if (!frame.rayClasses) return;
+  const RayCounts& rays = batch.rays[i];
+  frame.rayClasses->add(job.x, job.y, static_cast<float>(rays.cRays + rays.shadowRays),
+                        static_cast<float>(rays.cones + rays.cacheReads));
 }
 
 /// The error of a tile for the order of tiles: of noise once pixels have two samples, before that
@@ -168,8 +189,7 @@ void SampleTaker::take(FrameBuffers& frame, const SampleSource& source, VoxelLig
 /// Pixels of a batch: one unit of a sweep, of the viewer's as many as it has time for.
 std::size_t SampleTaker::wanted(const SampleSource& source, std::size_t pixels) const {
   if (source.batched) {
-    const std::size_t most = std::min(mostWaiting_, waiting_ > 0 ? waiting_ : pixels);
-    return std::max<std::size_t>(most, kLargestUnit) - kLargestUnit + 1;
+    return std::max<std::size_t>(pathsAtOnce(pixels), kLargestUnit) - kLargestUnit + 1;
   }
   return interactive_ ? batchPixels_ : 1;
 }
@@ -243,30 +263,80 @@ bool SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
   return true;
 }
 
-/// Second stage: the device's answers join their pixels, the samples enter the frame.
-void SampleTaker::merge(FrameBuffers& frame, VoxelLight& light, SampleBatch& batch) {
-  if (batch.ticket) {
-    const auto scale = static_cast<float>(light.cache()->scale());
-    const auto results = light.device()->finishGather(*batch.ticket);
-    std::size_t next = 0;
-    for (const auto& part : batch.cones) {
-      for (const ConeRequest& r : part) {
-        const shaderio::GatherResult& answer = results[next++];
-        PathSample& path = batch.paths[r.job];
-        const vec3 passed = r.background * answer.transmittance;
-        path.guess += r.weight * answer.radiance * scale + passed;
-        if (r.direct) path.direct += passed;
-      }
+/// Second stage: the device's answers join their samples.
+void SampleTaker::finish(VoxelLight& light, SampleBatch& batch) {
+  if (!batch.ticket) return;
+  const auto scale = static_cast<float>(light.cache()->scale());
+  const auto results = light.device()->finishGather(*batch.ticket);
+  std::size_t next = 0;
+  for (const auto& part : batch.cones) {
+    for (const ConeRequest& r : part) {
+      const shaderio::GatherResult& answer = results[next++];
+      PathSample& path = batch.paths[r.job];
+      const vec3 passed = r.background * answer.transmittance;
+      path.guess += r.weight * answer.radiance * scale + passed;
+      if (r.direct) path.direct += passed;
     }
-    batch.ticket.reset();
   }
-  for (std::size_t i = 0; i < batch.jobs.size(); ++i) addSample(frame, batch, i);
+  batch.ticket.reset();
+}
+
+/// Third stage: the samples enter the frame.
+void SampleTaker::merge(FrameBuffers& frame, VoxelLight& light, SampleBatch& batch) {
+  finish(light, batch);
+  for (std::size_t i = 0; i < batch.jobs.size(); ++i) addJob(frame, batch, i);
   if (interactive_) {
     for (const std::uint32_t tile : batch.finishedTiles) rateTile(frame, tile);
   }
   batch.jobs.clear();
   batch.looks = 0;
   batch.finishedTiles.clear();
+}
+
+bool SampleTaker::takeUnits(const FrameBuffers& frame, const SampleSource& source,
+                            VoxelLight& light, std::span<const TileUnit> units,
+                            const std::function<bool()>& keepGoing, TakenSamples& out) {
+  SampleBatch batches[2];
+  const RayCounts before = rays_;
+  const std::size_t most = wanted(source, std::size_t{frame.sums.width()} * frame.sums.height());
+  const auto keep = [&](SampleBatch& batch) {
+    finish(light, batch);
+    for (std::size_t i = 0; i < batch.jobs.size(); ++i) out.samples.push_back(takenOf(batch, i));
+    batch.jobs.clear();
+  };
+  bool whole = true;
+  std::size_t next = 0;
+  for (std::size_t i = 0; whole && next < units.size(); ++i) {
+    SampleBatch& batch = batches[i % 2];
+    while (next < units.size() && batch.jobs.size() < most) {
+      const TileUnit& unit = units[next++];
+      addJobs(frame.tiles.tiles()[unit.tile], unit, batch);
+    }
+    whole = keepGoing() && trace(frame, source, light, batch, true);
+    if (!whole) batch.jobs.clear();
+    keep(batches[(i + 1) % 2]);
+    if (source.batched) keep(batch);  // there is no room for two
+  }
+  for (SampleBatch& batch : batches) keep(batch);
+  out.rays = rays_.since(before);
+  rays_ = before;
+  if (!whole) out = {};
+  return whole;
+}
+
+void SampleTaker::add(FrameBuffers& frame, std::span<const TileUnit> units,
+                      const TakenSamples& taken) {
+  std::size_t i = 0;
+  for (const TileUnit& unit : units) {
+    const Tile& tile = frame.tiles.tiles()[unit.tile];
+    for (std::uint32_t y = 0; y < tile.height; ++y) {
+      for (std::uint32_t x = 0; x < tile.width; ++x) {
+        addSample(frame, tile.x + x, tile.y + y, unit.sample, taken.samples[i++]);
+      }
+    }
+    frame.tiles.next();
+  }
+  rays_.add(taken.rays);
 }
 
 }  // namespace trex

@@ -7,11 +7,13 @@
 
 #include <functional>
 #include <memory>
+#include <span>
 
 #include "src/paths/batched_tracer.h"
 #include "src/paths/path_tracer.h"
 #include "src/session/frame_buffers.h"
 #include "src/session/settings.h"
+#include "src/session/taken_samples.h"
 #include "src/session/voxel_light.h"
 
 namespace trex {
@@ -51,10 +53,22 @@ class SampleTaker {
   void take(FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
             const std::function<bool()>& keepGoing, vec2 pointer);
 
+  /// Takes whole samples of units of a capture's frame and adds them to no frame: `out` gets them.
+  /// False, and nothing, if keepGoing, asked before each batch, says no.
+  bool takeUnits(const FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
+                 std::span<const TileUnit> units, const std::function<bool()>& keepGoing,
+                 TakenSamples& out);
+  /// Adds samples that were taken so, by whomever: of `units`, the next ones of the frame's tiles.
+  void add(FrameBuffers& frame, std::span<const TileUnit> units, const TakenSamples& taken);
+
   /// Asked by all threads while paths wait for pages: whether to give up the samples under way,
   /// which are taken again later.
   void setGiveUp(std::function<bool()> ask) { giveUp_ = std::move(ask); }
 
+  /// Paths of a batch that wait for pages, of a picture of so many pixels.
+  std::size_t pathsAtOnce(std::size_t pixels) const {
+    return std::min(mostWaiting_, waiting_ > 0 ? waiting_ : pixels);
+  }
   const RayCounts& rays() const { return rays_; }
   void restoreRays(const RayCounts& rays) { rays_ = rays; }
 
@@ -64,6 +78,7 @@ class SampleTaker {
   bool trace(const FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
              SampleBatch& batch, bool mayGiveUp);
   void adaptWaiting(double seconds, std::size_t jobs);
+  static void finish(VoxelLight& light, SampleBatch& batch);
   void merge(FrameBuffers& frame, VoxelLight& light, SampleBatch& batch);
   void adapt(double seconds, std::size_t cost);
 

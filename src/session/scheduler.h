@@ -49,6 +49,7 @@ class TileScheduler {
   void restore(std::uint32_t samples, std::uint32_t tiles);
   /// No tile gets this sample or a later one.
   void setBarrier(std::uint32_t sample) { barrier_ = sample; }
+  std::uint32_t barrier() const { return barrier_; }
 
   /// A frame of the screen begins: tiles near `pointer` (share of width and height) come first, and
   /// a unit has about `unitPixels` pixels.

@@ -13,6 +13,7 @@ namespace trex {
 namespace {
 
 constexpr std::uint32_t kTileSize = 64;
+constexpr std::uint32_t kSharedAtOnce = 1u << 16;  // samples: machines wait for each other at looks
 
 double secondsAfterwards(DenoiseMethod method, const RenderSettings& settings) {
   return settings.seconds > 0.0 ? denoiseSeconds(method, settings) : 0.0;
@@ -82,7 +83,8 @@ SessionState Session::state() const {
   s.turn = turn_;
   // Maps of caustics are one sample's.
   if (loads_ && settings_.error == 0.0 && !caustics_) s.samplesAtOnce = samplesAtOnce();
-  if (frame_->dial) s.nextLook = frame_->dial->nextLook();
+  if (sharer_) s.samplesAtOnce = kSharedAtOnce;
+  s.nextLook = nextLook();
   s.interactive = preview_ != nullptr;
   if (!preview_) return s;
   s.lightOfBefore = light_.hasLight();
@@ -100,7 +102,11 @@ void Session::perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer
   switch (work.kind) {
     case Work::Kind::kSamples:
       frame_->tiles.setBarrier(work.barrier);
-      samples_.take(*frame_, source_, light_, going, pointer);
+      if (sharer_) {
+        sharer_->take(*this, going);
+      } else {
+        samples_.take(*frame_, source_, light_, going, pointer);
+      }
       if (frame_->dial) frame_->dial->look(frame_->tiles.tiles(), samplesDone(), frame_->sums);
       lookAtGoal();
       break;
@@ -119,6 +125,13 @@ void Session::perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer
   report_.renderSeconds = secondsNow() - start;
 }
 
+/// Samples at which the dial or the goal looks at the sums.
+std::uint32_t Session::nextLook() const {
+  std::uint32_t next = frame_->dial ? frame_->dial->nextLook() : kAnySamples;
+  if (settings_.error > 0.0) next = std::min(next, std::max(goal_.nextLook(), samplesDone() + 1));
+  return next;
+}
+
 /// Estimates the error if it is a goal and an estimate is due.
 void Session::lookAtGoal() {
   if (!frame_->dial) return goal_.look(frame_->sums, samplesDone());
@@ -130,6 +143,7 @@ void Session::lookAtGoal() {
 /// Samples of the frame wait for the first light, and begin with it.
 void Session::shootPhotons(std::uint64_t photons, const KeepGoing& keepGoing) {
   const bool first = light_.state() == VoxelLight::State::kShooting;
+  if (sharer_) sharer_->lightComes(*this, photons);
   const LightCache* before = light_.cache();
   if (!light_.shoot(photons, keepGoing) || !first) return;
   frame_->restart();

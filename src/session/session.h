@@ -4,7 +4,8 @@
 //
 //   state     plain numbers: how far the light and the frame are (plan.h)
 //   plan      what comes next, of four kinds
-//   perform   kSamples   rays of some pixels are traced, what they bring is added up (samples.h)
+//   perform   kSamples   rays of some pixels are traced, what they bring is added up (samples.h);
+//                        with several machines by whoever has time (SampleSharer)
 //             kPhotons   more photons are shot for the light that samples read (voxel_light.h)
 //             kLight     after an edit: voxels, device, photons are made ready, one of it at a time
 //             kPreview   samples of the preview, read from the light of before
@@ -47,6 +48,7 @@
 #include "src/session/samples.h"
 #include "src/session/settings.h"
 #include "src/session/shown_picture.h"
+#include "src/session/taken_samples.h"
 #include "src/session/voxel_light.h"
 
 namespace trex {
@@ -129,6 +131,29 @@ class Session {
   /// Aims photons at the present camera if they were aimed elsewhere; they start anew then.
   bool aimAgain();
 
+  // With other machines, of captures: session_shared.cpp.
+
+  /// From now on the frame's samples are this one's to take; it outlives the session's work.
+  void shareSamples(SampleSharer* sharer) { sharer_ = sharer; }
+  /// The light that samples read, of so many photons; nothing where none is read. False if
+  /// keepGoing said no.
+  bool makeLight(std::uint64_t photons, const KeepGoing& keepGoing);
+  /// Takes whole samples of tiles as if they were the frame's next, and adds them to no frame.
+  /// False, and nothing, if keepGoing says no.
+  bool takeUnits(std::span<const TileUnit> units, const KeepGoing& keepGoing, TakenSamples& out);
+  /// Adds such samples to the frame, whose tiles have them next.
+  void addTaken(std::span<const TileUnit> units, const TakenSamples& taken);
+  /// Shares of exact samples by tile that the dial has chosen; none without a dial.
+  std::vector<double> tileShares() const;
+  void setTileShares(std::span<const double> shares);
+  /// What the frame keeps of a sample.
+  const FrameBuffers& buffers() const { return *frame_; }
+  /// Paths that wait for pages together, which is why they had better be taken together; 0 where
+  /// all pages fit in memory.
+  std::size_t pathsAtOnce() const { return loads_ ? samples_.pathsAtOnce(pixels()) : 0; }
+  /// Whether each sample needs maps of its own, which machines had better make of few.
+  bool makesMapsOfSamples() const { return caustics_ != nullptr; }
+
   // What there is.
 
   /// What is to be shown: the frame under way, or the preview. Read what its tiles have, no more.
@@ -173,6 +198,7 @@ class Session {
   void perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer);
   void renewLight();
   void lookAtGoal();
+  std::uint32_t nextLook() const;
   void shootPhotons(std::uint64_t photons, const KeepGoing& keepGoing);
   void makeFrames();
   void makeCamera();
@@ -206,6 +232,7 @@ class Session {
   std::unique_ptr<const WalkTracer> walks_;        ///< traces photons, importons, probes
   std::unique_ptr<FrameBuffers> frame_, preview_;  ///< preview_: the viewer's alone
   SampleSource source_, previewSource_;
+  SampleSharer* sharer_ = nullptr;  ///< not ours
 };
 
 }  // namespace trex

@@ -54,6 +54,8 @@ struct RenderSettings {
   std::uint64_t textureMemory = 0;  ///< bytes of texels in memory; 0: all of them
   /// Bytes of paths that wait for pages, where these do not fit in memory; 0: threads wait.
   std::uint64_t rayMemory = 0;
+  std::uint64_t sharedBytes = 0;   ///< of what comes from and goes to other machines
+  bool servesModel = false;        ///< which are given a copy of the model in memory
   bool recordTraffic = false;      ///< of paths that wait: Session::traffic()
   bool predictLoads = true;        ///< pages are loaded and kept by what is expected, too
   std::uint64_t maxGpuMemory = 0;  ///< bytes of device memory; 0: what the device has

@@ -5,6 +5,7 @@
 #include <unistd.h>
 #include <zstd.h>
 
+#include <algorithm>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -186,6 +187,75 @@ TEST_F(BundleTest, ImagesBeyondTheirLimitComeInTilesAndAreBakedAgainAsTheyWere) 
   }
   EXPECT_LE(options.textures->statistics().peakBytes, 2u << 20);
   EXPECT_TRUE(bundleBytes(model, littleFacts(0)) == bytes);
+}
+
+/// A file that lies elsewhere: how often each of its bytes was asked for.
+class Elsewhere : public hccm::PageFile {
+ public:
+  explicit Elsewhere(std::vector<std::byte> bytes)
+      : bytes_(std::move(bytes)), asked_(bytes_.size()) {}
+  void read(std::uint64_t offset, std::span<std::byte> out) const override {
+    if (broken_) throw Error(ExitCode::kFailed, "nobody answers");
+    ASSERT_LE(offset, bytes_.size());
+    ASSERT_LE(out.size(), bytes_.size() - offset);
+    for (std::byte& b : out) {
+      ++asked_[offset];
+      b = bytes_[offset++];
+    }
+  }
+  void readAhead(std::uint64_t, std::uint64_t) const override {}
+  std::string place(std::uint64_t offset) const override { return fmt::format("byte {}", offset); }
+  int most() const { return *std::max_element(asked_.begin(), asked_.end()); }
+  std::ptrdiff_t bytesAsked() const {
+    return std::count_if(asked_.begin(), asked_.end(), [](int n) { return n > 0; });
+  }
+  void flip(std::size_t at) { bytes_[at] ^= std::byte{4}; }
+  void breakOff() { broken_ = true; }
+
+ private:
+  std::vector<std::byte> bytes_;
+  mutable std::vector<int> asked_;
+  bool broken_ = false;
+};
+
+TEST_F(BundleTest, ComesFromElsewhereInPartsThatAreAskedForOnce) {
+  // Voxels that fill hash pages of their own.
+  Model room = makeModel(test::littleOfEverything(), {.voxels = true, .voxelDepth = 7});
+  BakeFacts facts = littleFacts();
+  facts.voxelDepth = 7;
+  const auto bytes = bundleBytes(room, facts);
+  OpenOptions options;
+  const auto whole = std::make_shared<Elsewhere>(bytes);
+  const Model again = openRemoteBundle(whole, bytes.size(), "far.trex", options);
+  EXPECT_EQ(whole->most(), 1);
+  EXPECT_TRUE(bundleBytes(again, facts) == bytes);
+  options.model.voxels = false;
+  const auto part = std::make_shared<Elsewhere>(bytes);
+  EXPECT_FALSE(openRemoteBundle(part, bytes.size(), "far.trex", options).voxels);
+  EXPECT_EQ(part->most(), 1);
+  EXPECT_LT(part->bytesAsked(), whole->bytesAsked());
+}
+
+TEST_F(BundleTest, WhatComesFromElsewhereIsChecked) {
+  const auto bytes = bundleBytes(littleModel(), littleFacts());
+  const auto problem = [&](const std::shared_ptr<Elsewhere>& file, std::uint64_t size) {
+    try {
+      openRemoteBundle(file, size, "far.trex", {});
+      return std::string();
+    } catch (const Error& e) {
+      return std::string(e.what());
+    }
+  };
+  for (std::size_t at = 0; at < bytes.size(); at += bytes.size() / 97 + 1) {
+    const auto file = std::make_shared<Elsewhere>(bytes);
+    file->flip(at);
+    EXPECT_NE(problem(file, bytes.size()).find("far.trex"), std::string::npos) << at;
+  }
+  EXPECT_NE(problem(std::make_shared<Elsewhere>(bytes), bytes.size() - 1), "");
+  EXPECT_NE(problem(std::make_shared<Elsewhere>(bytes), 0), "");
+  const auto broken = std::make_shared<Elsewhere>(bytes);
+  broken->breakOff();
+  EXPECT_EQ(problem(broken, bytes.size()), "nobody answers");
 }
 
 TEST_F(BundleTest, RaysMeetTheSameBits) {

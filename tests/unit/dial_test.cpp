@@ -205,9 +205,7 @@ TEST(Dial, LeavesTheMeanAlone) {
           const bool paired = takesExact(s, dial.tile(0).share, offset);
           const auto [guess, exact] = integrand.sample();
           sums.add(i % kSide, i / kSide, s, guess, paired ? &exact : nullptr);
-          RayCounts rays;
-          rays.cRays = paired ? 6 : 3;
-          dial.add(0, paired, rays);
+          dial.add(0, paired, paired ? 6 : 3);
         }
         dial.look(std::span(&kArea, 1), s + 1, sums);
       }
@@ -247,7 +245,7 @@ std::unique_ptr<FrameBuffers> frameOf(double bias, double pairNoise) {
       const vec3 place(static_cast<float>(x), static_cast<float>(y), 0.0f);
       const Feature f{vec3(0.5f), vec3(0.0f, 0.0f, 1.0f), place, 1.0f, 0.0f};
       frame->features->add(x, y, f, guess);
-      frame->dial->add(0, paired, RayCounts{.cRays = 2});
+      frame->dial->add(0, paired, 2);
     }
   }
   frame->tiles.restore(8, 0);

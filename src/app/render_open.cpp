@@ -1,0 +1,153 @@
+#include "src/app/render_open.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "src/command/interrupt.h"
+#include "src/command/parse.h"
+#include "src/core/clock.h"
+#include "src/core/error.h"
+#include "src/core/file.h"
+#include "src/core/log.h"
+#include "src/core/memory.h"
+#include "src/frame/image_file.h"
+#include "src/images/image_library.h"
+#include "src/scene/import.h"
+#include "src/scene/look_file.h"
+#include "src/session/model_editor.h"
+#include "src/session/preflight.h"
+#include "src/session/samples.h"
+
+namespace trex {
+namespace {
+
+void checkOutputs(const std::vector<View>& views, const std::string& checkpoint) {
+  namespace fs = std::filesystem;
+  for (const View& view : views) {
+    checkWritable(view.output);
+    if (!checkpoint.empty() &&
+        fs::weakly_canonical(view.output) == fs::weakly_canonical(checkpoint)) {
+      fail(ExitCode::kUsage, "--checkpoint {}: is the picture's file too; name another",
+           checkpoint);
+    }
+  }
+  if (!checkpoint.empty()) checkWritable(checkpoint);
+}
+
+/// The overlay's look; what it asks of the model and the settings is set. An exposure or a camera
+/// of the command line goes before the look's.
+Look readEdits(RenderArguments& a, const Scene& scene, ModelOptions& options) {
+  LookLight light;
+  Look look = readLook(a.edits, scene, lookOf(scene), &light);
+  a.settings.photons = light.photons;
+  a.settings.aim = light.aim;
+  options.voxelsInTheDark = true;
+  if (a.exposure == "auto" && look.exposure != 0.0f) a.exposure = fmt::format("{}", look.exposure);
+  return look;
+}
+
+/// Memory of paths that wait for pages. `left`: for these and the pages; `cache`: what was asked
+/// for these, or 0. Throws Error(kMemoryOrDevice) if it is not there.
+std::uint64_t rayMemory(const RenderSettings& s, const std::string& asked, std::uint64_t cache,
+                        std::uint64_t left) {
+  constexpr std::uint64_t kMost = std::uint64_t{1} << 30;
+  const std::uint64_t room = left > cache ? left - cache : 0;
+  if (asked == "off") return 0;
+  if (asked == "auto") {
+    const std::uint64_t samples = s.samples > 0 ? s.samples : 64;
+    const std::uint64_t all = memoryOfPaths(std::uint64_t{s.width} * s.height * samples);
+    return std::min({all, kMost, cache > 0 ? room : left / 4});
+  }
+  const std::uint64_t bytes = parseBytes(asked);
+  if (bytes > room || (cache == 0 && bytes > left / 4 * 3)) {
+    fail(ExitCode::kMemoryOrDevice,
+         "--ray-memory {}: {} are left for pages and paths that wait for them; make it or --cache "
+         "smaller, or --max-memory larger",
+         asked, formatBytes(left));
+  }
+  return bytes;
+}
+
+/// Limit of pages in memory: as asked for, or most of what the rest leaves. Where they don't fit
+/// paths wait for them, and the settings get the memory of these.
+std::uint64_t cacheFor(RenderArguments& a, const PagedSizes& paged, const Preflight& fit) {
+  a.settings.rayMemory = 0;
+  if (paged.pages == 0) return 0;
+  const std::uint64_t left = (fit.allowed - fit.needed) / 8 * 7;
+  std::uint64_t cache = a.cache.empty() ? std::max<std::uint64_t>(left, 1)
+                                        : std::max<std::uint64_t>(parseBytes(a.cache), 1);
+  if (cache < paged.pages) {
+    a.settings.rayMemory = rayMemory(a.settings, a.rayMemory, a.cache.empty() ? 0 : cache, left);
+    if (a.cache.empty()) cache = left - a.settings.rayMemory;
+  }
+  logVerbose("memory: {:>10} of pages, at most {} at a time", formatBytes(paged.pages),
+             formatBytes(std::min(cache, paged.pages)));
+  logVerbose("memory: {:>10} of paths that wait for pages", formatBytes(a.settings.rayMemory));
+  return std::min(cache, paged.pages);
+}
+
+/// What the model is opened with, before its scene is known.
+OpenOptions optionsOf(const RenderArguments& a, const RenderSource& source) {
+  OpenOptions open;
+  open.useStale = a.stale == "use";
+  open.import = a.import;
+  open.import.maxMemory = a.settings.maxMemory;
+  // Beside the picture there is room for textures that do not fit; elsewhere nothing is put aside.
+  open.import.textures =
+      textureCacheFor(a.settings, source.writes ? std::filesystem::absolute(a.output).parent_path()
+                                                : std::filesystem::temp_directory_path());
+  open.model.voxels = a.settings.exact < 1.0;
+  open.model.voxelDepth = voxelDepthFor(std::uint64_t{a.settings.width} * a.settings.height);
+  if (source.made) return open;  // environment and volumes are in it
+  const std::string& environment = source.environment.empty() ? a.environment : source.environment;
+  if (!environment.empty()) open.environment = parseEnvironment(environment);
+  for (const std::string& v : a.volumes) open.import.volumes.push_back(parseVolume(v));
+  return open;
+}
+
+}  // namespace
+
+void checkFiles(const RenderArguments& a) {
+  checkWritable(a.output);
+  if (!a.trace.empty()) checkWritable(a.trace);
+}
+
+void openForRender(RenderArguments& a, const RenderSource& source, OpenedRender& out) {
+  const double start = secondsNow();
+  if (!source.file && !isBundlePath(a.input)) checkSourceFits(a.input, a.settings);
+  OpenOptions open = optionsOf(a, source);
+  open.prepare = [&](const Scene& scene, ModelOptions& model) {
+    if (!source.file && needsImageLibrary(a.output)) out.imagesOpening = openImageLibraryBehind();
+    if (!a.edits.empty()) out.look = readEdits(a, scene, model);
+    out.views = makeViews(a, scene, out.look);
+    if (source.writes) checkOutputs(out.views, a.checkpoint);
+    out.importSeconds = secondsNow() - start;
+    logVerbose("{}: {} triangles, {} unique, {} instances", a.input, scene.triangleCount(),
+               scene.uniqueTriangleCount(), scene.instances.size());
+    if (scene.maxBounces < 2) model.voxels = false;  // their light has made two
+    const std::uint64_t baked = source.file ? source.bytes - model.paged.disk
+                                : isBundlePath(a.input)
+                                    ? std::filesystem::file_size(a.input) - model.paged.disk
+                                    : std::uint64_t{0};
+    // So that what the library takes is counted.
+    if (a.settings.maxMemory > 0 && out.imagesOpening.joinable()) out.imagesOpening.join();
+    const Preflight fit = preflight(scene, a.settings, layersOf(a), baked, model.paged.topLevel);
+    model.voxelBytes = fit.voxelBytes;
+    model.cacheBytes = cacheFor(a, model.paged, fit);
+    out.built = model;
+    catchInterrupts();
+    const bool device = model.voxels && a.settings.device != RenderSettings::kNoDevice;
+    if (device) out.drivers.emplace();
+  };
+  out.model = std::make_shared<Model>(
+      source.file ? openRemoteBundle(source.file, source.bytes, a.input, open)
+                  : openModel(a.input, open));
+}
+
+void OpenedRender::applyLook() {
+  if (look) trex::applyLook(model, *look, built);
+}
+
+}  // namespace trex

@@ -1,0 +1,145 @@
+// Machine 0: it has the file, the ledger of jobs, the sums and the checkpoint. The others hold
+// nothing that can't be lost.
+//
+//   Session::perform(kSamples) ─► take()   deals jobs of the pass to all, traces some itself, and
+//   adds
+//                                          what comes back in the order of units
+//   the link's thread                      hears of results and deals the next jobs meanwhile
+//
+// A machine that does not answer for kSilentSeconds loses its jobs to others, and takes part again
+// once it answers. A machine that says it failed ends the render: its error is thrown by take().
+#pragma once
+
+#include <condition_variable>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "hccmesh/pages.h"
+#include "src/machines/jobs.h"
+#include "src/machines/link.h"
+#include "src/session/taken_samples.h"
+
+namespace trex::machines {
+
+inline constexpr double kSilentSeconds = 4.0;
+/// Of memory, for results that wait for those before them, about.
+inline constexpr std::uint64_t kWindowBytes = std::uint64_t{64} << 20;
+
+/// What --json says of a machine.
+struct MachineRow {
+  std::string host, device = "none";
+  std::uint32_t threads = 0;
+  std::uint64_t instructions = 0;
+  MachineWork work;
+  std::uint64_t servedBytes = 0;  ///< of the model, sent to it
+  std::uint64_t peakBytes = 0;    ///< resident; 0 before its first result
+};
+
+/// A file that other machines read parts of.
+struct ServedFile {
+  std::shared_ptr<const hccm::PageFile> bytes;
+  std::uint64_t size = 0;
+};
+
+/// Used by one thread, but for what it hears.
+class Leader : public SampleSharer {
+ public:
+  /// Starts to listen. Throws Error.
+  Leader(const Link::MakeWire& make, const Hello& self);
+  /// Tells all to stop, and waits for them for a while.
+  ~Leader() override;
+
+  std::uint32_t machines() const { return link_.size(); }
+
+  /// What all others are to open: the model they have themselves, or the first of `files`, which is
+  /// a bundle: `baked`, or made for this.
+  void welcome(bool local, bool baked, std::vector<ServedFile> files);
+  /// What they must have opened: another digest of theirs is an error.
+  void expect(std::uint64_t digest);
+  /// Waits until all have greeted, or opened what they are to open; but for those that don't
+  /// answer, and only while keepGoing lets it. Throws Error.
+  void waitForGreetings(const std::function<bool()>& keepGoing);
+  void waitForModels(const std::function<bool()>& keepGoing);
+
+  /// The next samples are of this view.
+  void beginView(std::uint32_t view);
+  void lightComes(const Session& session, std::uint64_t photons) override;
+  /// Throws the Error of a machine that failed. If keepGoing says no the others go on with what
+  /// they have, and the next call takes it, if it is about the same samples.
+  void take(Session& session, const std::function<bool()>& keepGoing) override;
+  /// No more samples are wanted for now.
+  void rest();
+
+  /// By machine.
+  std::vector<MachineRow> rows() const;
+  LinkTraffic traffic() const { return link_.traffic(); }
+  std::uint64_t jobsAgain() const;
+  /// All are told to stop and say goodbye.
+  void stop();
+  /// After it: waits for the end of those that did, or, if some did not, says `error` and ends all
+  /// processes with this code.
+  void finish(int code, const std::string& error = {});
+
+ private:
+  enum class State : std::uint8_t { kExpected, kGreeted, kReady, kSilent, kGone };
+  struct Machine {
+    MachineRow row;
+    State state = State::kExpected;
+    bool ready = false;  ///< its model is open and as expected
+    std::optional<std::uint64_t> digest;
+    double heard = 0.0;
+    std::uint32_t view = ~0u;  ///< that it has set up
+  };
+  /// Samples that came, and wait for those before them.
+  struct Arrived {
+    Job job;
+    std::uint32_t machine = 0;
+    RayCounts rays;
+    Bytes samples;
+  };
+
+  void hear(std::uint32_t from, Kind kind, ByteView body);
+  void tick();
+  void fail(std::uint32_t machine, int code, const std::string& text);
+  void greet(std::uint32_t from, const Hello& hello);
+  void checkReady(std::uint32_t from);
+  void bringIn(std::uint32_t machine);
+  void takeResult(std::uint32_t from, Result result);
+  void serve(std::uint32_t to, const Fetch& fetch);
+  void dealTo(std::uint32_t machine);
+  void dealAll();
+  void throwIfFailed() const;
+  void waitWhile(bool (*isAwaited)(const Machine&), const std::function<bool()>& keepGoing);
+  void waitForViews(const std::function<bool()>& keepGoing);
+  bool goesOn(const Session& session) const;
+  void startPass(const Session& session);
+  void endPass();
+  void mergeArrived(Session& session);
+  bool traceOne(Session& session, const std::function<bool()>& keepGoing);
+  std::string nameOf(std::uint32_t machine) const;
+
+  Hello self_;
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  std::vector<Machine> machines_;
+  JobLedger ledger_;
+  std::optional<Welcome> welcome_;
+  std::vector<ServedFile> files_;
+  std::optional<std::uint64_t> digest_;
+  std::optional<Error> failure_;
+  std::optional<std::uint32_t> view_;
+  std::optional<LightComes> light_;
+  std::optional<Pass> pass_;  ///< under way
+  std::uint32_t passes_ = 0;
+  std::uint64_t next_ = 0, end_ = 0;          ///< units that the picture gets next, in this pass
+  std::map<std::uint64_t, Arrived> arrived_;  ///< by first unit
+  double pinged_ = 0.0;
+  bool stopped_ = false, finished_ = false, broken_ = false;
+  Link link_;  ///< the last: it calls the others
+};
+
+}  // namespace trex::machines

@@ -1,0 +1,296 @@
+// What machines say to each other, as bytes. Every message is
+//
+//   head  24 bytes: magic u32 | kind u16 | protocol u16 | body's bytes u64 | XXH3-64 of the body
+//   u64 body  the fields of its struct in their order: numbers little endian, as wide as in the
+//   struct;
+//         texts and lists by their length (u32) and their elements
+//
+// Trust: decoding takes anything. What is not as above throws MessageError, before memory is taken
+// that the message does not hold itself. What fields mean (numbers of views, tiles, jobs) is
+// checked by those who read them.
+#pragma once
+
+#include <concepts>
+#include <cstddef>
+#include <cstdint>
+#include <cstring>
+#include <limits>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+namespace trex::machines {
+
+inline constexpr std::uint32_t kMagic = 0x4d585254u;  // "TRXM"
+inline constexpr std::uint16_t kProtocol = 1;
+inline constexpr std::size_t kHeadBytes = 24;
+/// No message is longer; who receives one asks before it takes the memory.
+inline constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 28;
+
+using Bytes = std::vector<std::byte>;
+using ByteView = std::span<const std::byte>;
+
+/// Bytes that are no message of this protocol.
+class MessageError : public std::runtime_error {
+ public:
+  using std::runtime_error::runtime_error;
+};
+
+enum class Kind : std::uint16_t {
+  // To machine 0:
+  kHello = 1,  ///< the first: who I am
+  kReady,      ///< the model is open
+  kSet,        ///< the view is set up
+  kResult,     ///< samples of a job
+  kFetch,      ///< a part of a file is wanted
+  kPong,
+  kFailed,  ///< can't go on
+  kBye,     ///< the last
+  // From machine 0:
+  kWelcome,  ///< what there is to open
+  kView,     ///< another picture begins
+  kLight,    ///< photons will be read soon
+  kPass,     ///< samples are going to be taken
+  kRest,     ///< jobs that were given out are void
+  kJob,
+  kPart,  ///< of a file
+  kPing,
+  kStop,
+};
+
+struct Hello {
+  static constexpr Kind kKind = Kind::kHello;
+  std::string version, host;
+  std::uint64_t build = 0;         ///< hash of the program's file
+  std::uint64_t instructions = 0;  ///< of the processor, as src/machines knows them
+  std::uint32_t threads = 0;
+  template <class F>
+  void fields(F&& f) {
+    f(version), f(host), f(build), f(instructions), f(threads);
+  }
+};
+
+struct Welcome {
+  static constexpr Kind kKind = Kind::kWelcome;
+  std::uint8_t local = 0;                ///< each machine has the model
+  std::uint8_t baked = 0;                ///< the model is a bundle; else it was made for this
+  std::vector<std::uint64_t> fileBytes;  ///< of files that kFetch names by their place here
+  template <class F>
+  void fields(F&& f) {
+    f(local), f(baked), f(fileBytes);
+  }
+};
+
+struct Ready {
+  static constexpr Kind kKind = Kind::kReady;
+  std::uint64_t digest = 0;  ///< of model, views and settings
+  template <class F>
+  void fields(F&& f) {
+    f(digest);
+  }
+};
+
+struct SetView {
+  static constexpr Kind kKind = Kind::kView;
+  std::uint32_t view = 0;
+  template <class F>
+  void fields(F&& f) {
+    f(view);
+  }
+};
+
+struct ViewSet {
+  static constexpr Kind kKind = Kind::kSet;
+  std::uint32_t view = 0;
+  std::string device;
+  template <class F>
+  void fields(F&& f) {
+    f(view), f(device);
+  }
+};
+
+struct LightComes {
+  static constexpr Kind kKind = Kind::kLight;
+  std::uint32_t view = 0;
+  std::uint64_t photons = 0;
+  template <class F>
+  void fields(F&& f) {
+    f(view), f(photons);
+  }
+};
+
+struct Pass {
+  static constexpr Kind kKind = Kind::kPass;
+  std::uint32_t view = 0, number = 0;
+  std::uint64_t photons = 0;   ///< whose light the samples read
+  std::uint32_t contents = 0;  ///< of samples: sample_bytes.h
+  std::vector<double> shares;  ///< of exact samples, by tile; none without a dial
+  template <class F>
+  void fields(F&& f) {
+    f(view), f(number), f(photons), f(contents), f(shares);
+  }
+};
+
+struct GiveJob {
+  static constexpr Kind kKind = Kind::kJob;
+  std::uint32_t pass = 0, id = 0;
+  std::uint64_t first = 0, end = 0;
+  template <class F>
+  void fields(F&& f) {
+    f(pass), f(id), f(first), f(end);
+  }
+};
+
+struct Result {
+  static constexpr Kind kKind = Kind::kResult;
+  std::uint32_t pass = 0, id = 0;
+  double seconds = 0.0;
+  std::uint64_t peakBytes = 0;  ///< resident, of the machine
+  std::uint64_t cRays = 0, shadowRays = 0, cones = 0, cacheReads = 0, exactPaths = 0;
+  Bytes samples;
+  template <class F>
+  void fields(F&& f) {
+    f(pass), f(id), f(seconds), f(peakBytes), f(cRays), f(shadowRays), f(cones), f(cacheReads),
+        f(exactPaths);
+    f(samples);
+  }
+};
+
+struct Fetch {
+  static constexpr Kind kKind = Kind::kFetch;
+  std::uint32_t file = 0, bytes = 0;
+  std::uint64_t number = 0, offset = 0;  ///< number: of the question
+  template <class F>
+  void fields(F&& f) {
+    f(file), f(bytes), f(number), f(offset);
+  }
+};
+
+struct Part {
+  static constexpr Kind kKind = Kind::kPart;
+  std::uint64_t number = 0;
+  Bytes bytes;
+  template <class F>
+  void fields(F&& f) {
+    f(number), f(bytes);
+  }
+};
+
+struct Failed {
+  static constexpr Kind kKind = Kind::kFailed;
+  std::int32_t code = 1;
+  std::string text;
+  template <class F>
+  void fields(F&& f) {
+    f(code), f(text);
+  }
+};
+
+/// A message of a kind that says nothing more.
+template <Kind K>
+struct Word {
+  static constexpr Kind kKind = K;
+  template <class F>
+  void fields(F&&) {}
+};
+using Ping = Word<Kind::kPing>;
+using Pong = Word<Kind::kPong>;
+using Bye = Word<Kind::kBye>;
+using Rest = Word<Kind::kRest>;
+using Stop = Word<Kind::kStop>;
+
+/// Writes the head of a message into its first kHeadBytes; the body follows them.
+void writeHead(Kind kind, Bytes& message);
+/// The kind of a message, whose body `body` becomes. Throws MessageError.
+Kind openMessage(ByteView message, ByteView& body);
+
+/// Writes fields one after another.
+class FieldWriter {
+ public:
+  template <class T>
+  requires std::is_arithmetic_v<T>
+  void operator()(const T& value) { put(&value, sizeof(T)); }
+  void operator()(const std::string& text) { list(text.data(), text.size(), 1); }
+  template <class T>
+  void operator()(const std::vector<T>& values) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    list(values.data(), values.size(), sizeof(T));
+  }
+  /// The message whose body they are.
+  Bytes take(Kind kind) {
+    writeHead(kind, out_);
+    return std::move(out_);
+  }
+
+ private:
+  void put(const void* from, std::size_t size) {
+    const std::size_t at = out_.size();
+    out_.resize(at + size);
+    std::memcpy(out_.data() + at, from, size);
+  }
+  void list(const void* from, std::size_t count, std::size_t size) {
+    if (count > std::numeric_limits<std::uint32_t>::max()) throw MessageError("a list is too long");
+    (*this)(static_cast<std::uint32_t>(count));
+    if (count > 0) put(from, count * size);
+  }
+  Bytes out_ = Bytes(kHeadBytes);
+};
+
+/// Reads them. Throws MessageError.
+class FieldReader {
+ public:
+  explicit FieldReader(ByteView body) : left_(body) {}
+  template <class T>
+  requires std::is_arithmetic_v<T>
+  void operator()(T& value) { std::memcpy(&value, next(sizeof(T)).data(), sizeof(T)); }
+  void operator()(std::string& text) {
+    const ByteView bytes = list(1);
+    text.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+  }
+  template <class T>
+  void operator()(std::vector<T>& values) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    const ByteView bytes = list(sizeof(T));
+    values.resize(bytes.size() / sizeof(T));
+    if (!bytes.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
+  }
+  /// Nothing may be left.
+  void end() const {
+    if (!left_.empty()) throw MessageError("it is longer than what it holds");
+  }
+
+ private:
+  ByteView next(std::uint64_t size) {
+    if (size > left_.size()) throw MessageError("it is cut short");
+    const ByteView found = left_.first(size);
+    left_ = left_.subspan(size);
+    return found;
+  }
+  ByteView list(std::size_t size) {
+    std::uint32_t count = 0;
+    (*this)(count);
+    return next(std::uint64_t{count} * size);
+  }
+  ByteView left_;
+};
+
+template <class M>
+Bytes encode(const M& message) {
+  FieldWriter writer;
+  const_cast<M&>(message).fields(writer);  // which changes nothing
+  return writer.take(M::kKind);
+}
+
+/// Of the body of a message whose kind is M's. Throws MessageError.
+template <class M>
+M decode(ByteView body) {
+  M message;
+  FieldReader reader(body);
+  message.fields(reader);
+  reader.end();
+  return message;
+}
+
+}  // namespace trex::machines

@@ -1,0 +1,270 @@
+#include "src/machines/worker.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "src/core/clock.h"
+#include "src/core/memory.h"
+#include "src/machines/sample_bytes.h"
+#include "src/machines/units.h"
+
+namespace trex::machines {
+namespace {
+
+constexpr std::uint32_t kPartBytes = 4u << 20;  // of a file, asked for at once
+constexpr std::uint64_t kMostUnits = 1u << 20;  // of a job that is no mistake
+
+/// The settings of a session that makes no picture of its own.
+RenderSettings withoutPicture(RenderSettings s) {
+  s.samples = 0;
+  s.seconds = s.error = 0.0;
+  s.denoise = Denoise::kOff;
+  s.recordTraffic = false;
+  return s;
+}
+
+}  // namespace
+
+struct Worker::Work {
+  std::shared_ptr<const Model> model;
+  const std::vector<Camera>& cameras;
+  RenderSettings settings;
+  std::unique_ptr<Session> session;
+  std::uint32_t view = ~0u, begun = 0;  ///< begun: of views_, when it was set
+  std::optional<Pass> pass;
+};
+
+/// A file of machine 0, whose parts are asked for as they are read.
+class Worker::RemoteFile : public hccm::PageFile {
+ public:
+  RemoteFile(Worker& worker, std::uint32_t file, std::string name)
+      : worker_(worker), file_(file), name_(std::move(name)) {}
+  void read(std::uint64_t offset, std::span<std::byte> out) const override {
+    while (!out.empty()) {
+      const auto part = out.first(std::min<std::size_t>(out.size(), kPartBytes));
+      worker_.read(file_, offset, part);
+      offset += part.size();
+      out = out.subspan(part.size());
+    }
+  }
+  void readAhead(std::uint64_t, std::uint64_t) const override {}
+  std::string place(std::uint64_t offset) const override {
+    return fmt::format("{} of machine 0, byte {}", name_, offset);
+  }
+
+ private:
+  Worker& worker_;
+  std::uint32_t file_;
+  std::string name_;
+};
+
+Worker::Worker(const Link::MakeWire& make, const Hello& self) : link_(make) {
+  link_.listen({.message =
+                    [this](std::uint32_t from, Kind kind, ByteView body) {
+                      if (from == 0) hear(kind, body);
+                    },
+                .tick = {},
+                .broken = [this](const Error& e) { broken(e); }});
+  link_.send(0, self);
+}
+
+Worker::~Worker() = default;
+
+void Worker::broken(const Error& error) {
+  const std::lock_guard lock(mutex_);
+  if (!problem_) problem_ = error;
+  changed_.notify_all();
+}
+
+/// By the link's thread.
+void Worker::hear(Kind kind, ByteView body) {
+  switch (kind) {
+    case Kind::kPing:
+      link_.send(0, Pong{});
+      return;
+    case Kind::kPart: {
+      Part part = decode<Part>(body);
+      const std::lock_guard lock(mutex_);
+      const auto at = parts_.find(part.number);
+      if (at == parts_.end() || part.bytes.empty())
+        throw MessageError("nobody asked for this part");
+      at->second = std::move(part.bytes);
+      changed_.notify_all();
+      return;
+    }
+    case Kind::kView:
+    case Kind::kStop:
+      ++views_;
+      ++passes_;
+      break;
+    case Kind::kPass:
+    case Kind::kRest:
+      ++passes_;
+      break;
+    case Kind::kWelcome:
+    case Kind::kLight:
+    case Kind::kJob:
+      break;
+    default:
+      throw MessageError("machine 0 should not have sent it");
+  }
+  if (kind == Kind::kStop) {
+    link_.send(0, Bye{});
+  }
+  const std::lock_guard lock(mutex_);
+  if (kind == Kind::kStop) stopped_ = true;
+  heard_.push_back({kind, views_, passes_, {body.begin(), body.end()}});
+  changed_.notify_all();
+}
+
+/// The next message; nothing once machine 0 has said stop.
+std::optional<Worker::Heard> Worker::next() {
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [&] { return !heard_.empty() || problem_ || stopped_; });
+  if (stopped_) return {};
+  if (problem_) throw Error(*problem_);
+  Heard heard = std::move(heard_.front());
+  heard_.pop_front();
+  return heard;
+}
+
+std::optional<Welcome> Worker::awaitWelcome() {
+  const auto heard = next();
+  if (!heard) return {};
+  if (heard->kind != Kind::kWelcome) {
+    fail(ExitCode::kFailed, "machine 0: did not say first what there is to open");
+  }
+  try {
+    return decode<Welcome>(heard->body);
+  } catch (const MessageError& e) {
+    fail(ExitCode::kFailed, "machine 0: a message can't be read: {}", e.what());
+  }
+}
+
+std::unique_ptr<hccm::PageFile> Worker::file(std::uint32_t number, const std::string& name) {
+  return std::make_unique<RemoteFile>(*this, number, name);
+}
+
+void Worker::read(std::uint32_t file, std::uint64_t offset, std::span<std::byte> out) {
+  if (out.empty()) return;
+  std::unique_lock lock(mutex_);
+  const std::uint64_t number = ++questions_;
+  parts_[number];
+  lock.unlock();
+  link_.send(0, Fetch{file, static_cast<std::uint32_t>(out.size()), number, offset});
+  lock.lock();
+  changed_.wait(lock, [&] { return !parts_[number].empty() || problem_ || stopped_; });
+  const Bytes got = std::move(parts_[number]);
+  parts_.erase(number);
+  if (got.empty()) {
+    if (problem_) throw Error(*problem_);
+    fail(ExitCode::kInterrupted, "machine 0 has ended the work");
+  }
+  if (got.size() != out.size()) {
+    fail(ExitCode::kFailed, "machine 0: sent {} bytes of a file instead of {}", got.size(),
+         out.size());
+  }
+  std::copy(got.begin(), got.end(), out.begin());
+}
+
+void Worker::setView(Work& work, const SetView& message, std::uint32_t begun) {
+  if (message.view >= work.cameras.size()) throw MessageError("it names a view that there is not");
+  work.begun = begun;
+  work.pass.reset();
+  if (work.view != message.view || !work.session) {
+    work.session.reset();
+    work.session = std::make_unique<Session>(work.model, work.cameras[message.view], work.settings);
+    work.session->giveUpWhen([this] { return passes_ != passBegun_; });
+    work.view = message.view;
+  }
+  link_.send(0, ViewSet{work.view, work.session->report().device});
+}
+
+void Worker::startPass(Work& work, Pass pass) {
+  work.pass.reset();
+  if (!work.session || pass.view != work.view) return;
+  const std::size_t tiles = work.session->buffers().tiles.tiles().size();
+  const bool dialled = work.session->buffers().dial != nullptr;
+  if (pass.shares.size() != (dialled ? tiles : 0)) throw MessageError("it has not a share a tile");
+  for (const double share : pass.shares) {
+    if (!(share >= 0.0 && share <= 1.0)) throw MessageError("a share is not 0 to 1");
+  }
+  const auto going = [this, begun = work.begun] { return views_ == begun; };
+  if (!work.session->makeLight(pass.photons, going)) return;
+  work.session->setTileShares(pass.shares);
+  work.pass = std::move(pass);
+}
+
+void Worker::takeJob(Work& work, const GiveJob& message, std::uint32_t begun) {
+  if (!work.pass || message.pass != work.pass->number) return;
+  if (message.end <= message.first || message.end - message.first > kMostUnits) {
+    throw MessageError("a job has no units, or too many");
+  }
+  const auto& tiles = work.session->buffers().tiles.tiles();
+  const auto units = unitsOf({message.id, message.first, message.end}, tiles.size());
+  const double start = secondsNow();
+  TakenSamples taken;
+  passBegun_ = begun;
+  const auto going = [this] { return passes_ == passBegun_; };
+  if (!work.session->takeUnits(units, going, taken)) return;
+  Result result;
+  result.pass = message.pass;
+  result.id = message.id;
+  result.seconds = secondsNow() - start;
+  result.peakBytes = peakResidentBytes();
+  result.cRays = taken.rays.cRays;
+  result.shadowRays = taken.rays.shadowRays;
+  result.cones = taken.rays.cones;
+  result.cacheReads = taken.rays.cacheReads;
+  result.exactPaths = taken.rays.exactPaths;
+  result.samples = packSamples(taken.samples, work.pass->contents);
+  link_.send(0, result);
+}
+
+void Worker::run(std::shared_ptr<const Model> model, const std::vector<Camera>& views,
+                 const RenderSettings& settings, std::uint64_t digest) {
+  Work work{std::move(model), views, withoutPicture(settings), nullptr, ~0u, 0, {}};
+  link_.send(0, Ready{digest});
+  try {
+    while (const auto heard = next()) {
+      const ByteView body(heard->body);
+      switch (heard->kind) {
+        case Kind::kView:
+          setView(work, decode<SetView>(body), heard->views);
+          break;
+        case Kind::kLight:
+          if (const auto light = decode<LightComes>(body);
+              work.session && light.view == work.view) {
+            work.session->makeLight(light.photons,
+                                    [this, begun = work.begun] { return views_ == begun; });
+          }
+          break;
+        case Kind::kPass:
+          startPass(work, decode<Pass>(body));
+          break;
+        case Kind::kRest:
+          work.pass.reset();
+          break;
+        case Kind::kJob:
+          takeJob(work, decode<GiveJob>(body), heard->passes);
+          break;
+        default:
+          break;
+      }
+    }
+  } catch (const MessageError& e) {
+    fail(ExitCode::kFailed, "machine 0: a message can't be read: {}", e.what());
+  }
+}
+
+void Worker::failed(const Error& error) {
+  link_.send(0, Failed{static_cast<std::int32_t>(error.code()), error.what()});
+  try {
+    while (next()) continue;
+  } catch (const Error&) {  // nobody is left to hear of it
+  }
+}
+
+void Worker::finish() { link_.finish(); }
+
+}  // namespace trex::machines

@@ -1,0 +1,74 @@
+// A machine that takes samples for machine 0. It holds nothing that can't be lost.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <deque>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <vector>
+
+#include "hccmesh/pages.h"
+#include "src/machines/link.h"
+#include "src/scene/scene.h"
+#include "src/session/model.h"
+#include "src/session/session.h"
+#include "src/session/settings.h"
+
+namespace trex::machines {
+
+class Worker {
+ public:
+  /// Greets machine 0. Throws Error.
+  Worker(const Link::MakeWire& make, const Hello& self);
+  ~Worker();
+
+  std::uint32_t rank() const { return link_.rank(); }
+
+  /// What there is to open; nothing if the work has ended before. Throws Error.
+  std::optional<Welcome> awaitWelcome();
+  /// A file of machine 0, which Welcome counts. Reading throws Error, for one thing once machine 0
+  /// said stop. Used while this is there; thread safe. `name`: for messages.
+  std::unique_ptr<hccm::PageFile> file(std::uint32_t number, const std::string& name);
+  /// Takes samples of the views' pictures until machine 0 says stop. `digest`: of model, views and
+  /// settings.
+  void run(std::shared_ptr<const Model> model, const std::vector<Camera>& views,
+           const RenderSettings& settings, std::uint64_t digest);
+  /// Says that this machine can't go on, and waits until machine 0 has said stop.
+  void failed(const Error& error);
+  /// Waits for the end of all.
+  void finish();
+
+ private:
+  class RemoteFile;
+  struct Heard {
+    Kind kind;
+    std::uint32_t views,
+        passes;  ///< that had begun when it came: what it asks for is void after them
+    Bytes body;
+  };
+  struct Work;
+
+  void hear(Kind kind, ByteView body);
+  void broken(const Error& error);
+  std::optional<Heard> next();
+  void read(std::uint32_t file, std::uint64_t offset, std::span<std::byte> out);
+  void setView(Work& work, const SetView& message, std::uint32_t begun);
+  void startPass(Work& work, Pass pass);
+  void takeJob(Work& work, const GiveJob& message, std::uint32_t begun);
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<Heard> heard_;
+  std::optional<Error> problem_;
+  bool stopped_ = false;
+  std::atomic<std::uint32_t> views_{0}, passes_{0};  ///< that have begun, as far as was heard
+  std::atomic<std::uint32_t> passBegun_{0};          ///< of passes_, of the job under way
+  std::map<std::uint64_t, Bytes> parts_;             ///< that were asked for; empty until they come
+  std::uint64_t questions_ = 0;
+  Link link_;  ///< the last: it calls the others
+};
+
+}  // namespace trex::machines

@@ -1,0 +1,140 @@
+#!/usr/bin/env python3
+"""Several machines on one: network namespaces with links of a given speed, and a share of the cores each. As root.
+
+    machines.py --trex build/trex [--triangles 1e6] [--machines 1,2,4] [--megabits 1000,100] [--share 0.4] [--runs 1]
+
+Prints for each number of machines how long the same picture takes, and what travelled: central scene database (only machine 0 has
+the model, the others start with nothing) and local copies. All pictures must have the same bytes. Leaves nothing behind."""
+import argparse, json, os, shutil, statistics, subprocess, sys, tempfile
+
+NAME = "trex-bench"
+CPU = "/sys/fs/cgroup/cpu"
+
+
+def call(*command, check=True):
+    return subprocess.run([str(c) for c in command], check=check, capture_output=True, text=True)
+
+
+class Machines:
+    """`count` namespaces behind one switch."""
+
+    def __init__(self, count, megabits, share, folder):
+        self.count, self.folder = count, folder
+        self.remove()
+        call("ip", "netns", "add", NAME)
+        call("ip", "-n", NAME, "link", "add", "switch", "type", "bridge")
+        call("ip", "-n", NAME, "link", "set", "switch", "up")
+        for i in range(count):
+            space = f"{NAME}-{i}"
+            call("ip", "netns", "add", space)
+            call("ip", "link", "add", f"port{i}", "netns", NAME, "type", "veth", "peer", "name", "net", "netns", space)
+            call("ip", "-n", NAME, "link", "set", f"port{i}", "master", "switch", "up")
+            call("ip", "-n", space, "addr", "add", f"10.77.0.{i + 1}/24", "dev", "net")
+            call("ip", "-n", space, "link", "set", "net", "up")
+            call("ip", "-n", space, "link", "set", "lo", "up")
+            limit = ["tbf", "rate", f"{megabits}mbit", "burst", "256kb", "latency", "50ms"]
+            call("tc", "-n", space, "qdisc", "add", "dev", "net", "root", *limit)
+            call("tc", "-n", NAME, "qdisc", "add", "dev", f"port{i}", "root", *limit)
+            os.makedirs(f"{CPU}/{space}", exist_ok=True)
+            for key, value in (("cpu.cfs_period_us", 20000), ("cpu.cfs_quota_us", int(20000 * share))):
+                with open(f"{CPU}/{space}/{key}", "w") as f:
+                    f.write(str(value))
+        # What mpirun calls instead of ssh: it enters the machine that has the address. (In a namespace /sys is another one.)
+        self.agent = os.path.join(folder, "agent")
+        with open(self.agent, "w") as f:
+            f.write('#!/bin/sh\nnumber=$((${1##*.} - 1)); shift\n'
+                    f'echo $$ >{folder}/cpu/{NAME}-$number/cgroup.procs || exit 1\n'
+                    f'mkdir -p {folder}/$number; export TMPDIR={folder}/$number; cd {folder}/$number\n'
+                    f'exec ip netns exec {NAME}-$number unshare --uts sh -c "hostname machine$number; $*"\n')
+        os.chmod(self.agent, 0o755)
+        with open(os.path.join(folder, "hosts"), "w") as f:
+            f.writelines(f"10.77.0.{i + 1} slots=1\n" for i in range(count))
+
+    def remove(self):
+        for i in range(16):
+            call("ip", "netns", "del", f"{NAME}-{i}", check=False)
+            if os.path.isdir(f"{CPU}/{NAME}-{i}"):
+                os.rmdir(f"{CPU}/{NAME}-{i}")
+        call("ip", "netns", "del", NAME, check=False)
+
+    def run(self, trex, arguments):
+        network = "10.77.0.0/24"
+        mpi = ["mpirun", "--allow-run-as-root", "--bind-to", "none", "--hostfile", os.path.join(self.folder, "hosts"), "-n", self.count,
+               "--mca", "plm_rsh_agent", self.agent, "--mca", "btl", "tcp,self", "--mca", "btl_tcp_if_include", network,
+               "--mca", "oob_tcp_if_include", network]
+        command = " ".join(f"'{x}'" for x in [*mpi, trex, "render", *arguments])
+        p = subprocess.run([self.agent, "10.77.0.1", command], capture_output=True, text=True)
+        if p.returncode != 0:
+            sys.exit(f"{command}\nended with {p.returncode}:\n{p.stderr}")
+        return json.loads(p.stdout)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--trex", required=True)
+    parser.add_argument("--triangles", default="1e6")
+    parser.add_argument("--machines", default="1,2,4")
+    parser.add_argument("--megabits", default="1000,100")
+    parser.add_argument("--share", type=float, default=0.4, help="of a core, each machine")
+    parser.add_argument("--cache", type=float, default=0.1, help="of the pages' memory, each machine")
+    parser.add_argument("--spp", type=int, default=16)
+    parser.add_argument("--size", default="320x180")
+    parser.add_argument("--exact", default="1")
+    parser.add_argument("--runs", type=int, default=1, help="medians of so many")
+    a = parser.parse_args()
+    if os.geteuid() != 0 or not os.access(CPU, os.W_OK) or not all(map(shutil.which, ("mpirun", "ip", "tc", "unshare"))):
+        print("machines.py: skipped: needs root, mpirun, ip, tc, unshare and cgroups of version 1")
+        return 77
+    trex = os.path.abspath(a.trex)
+    folder = tempfile.mkdtemp(prefix="trex-machines-")
+    environment = {k: os.environ[k] for k in list(os.environ) if k.startswith(("OMPI_", "PMIX_"))}
+    for name in environment:
+        del os.environ[name]
+    os.environ["TREX_OIDN"] = "none"
+    counts, machines = [int(x) for x in a.machines.split(",")], None
+    try:
+        os.mkdir(os.path.join(folder, "cpu"))
+        call("mount", "--bind", CPU, os.path.join(folder, "cpu"))
+        model = os.path.join(folder, "model.trex")
+        call(trex, "bake", f"synth:assembly?triangles={a.triangles}&seed=3", "-o", model, "--stream", "-q")
+        pages = json.loads(call(trex, "info", model, "--json").stdout)["mesh_pages"]
+        cache = max(int(pages["memory_bytes"] * a.cache), pages["largest_page_bytes"] + 8192)
+        print(f"{a.triangles} triangles, {os.path.getsize(model) / 1e6:.1f} MB; {a.size}, {a.spp} samples, --exact {a.exact}; each machine "
+              f"{a.share} of a core and {cache / 1e6:.1f} MB of pages")
+        print("link      machines  database  seconds  speed-up  model sent  samples back  peak of others")
+        first = alone = None
+        for megabits in a.megabits.split(","):
+            for count in counts:
+                if count == 1 and alone:  # it has no use for links
+                    continue
+                machines = Machines(count, megabits, a.share, folder)
+                for database in ("local", "central") if count > 1 else ("-",):
+                    reports = []
+                    for _ in range(a.runs):
+                        out = os.path.join(folder, "a.exr")
+                        reports.append(machines.run(trex, [
+                            model, "-o", out, "--size", a.size, "--spp", a.spp, "--exact", a.exact, "--device", "none", "--denoise", "off",
+                            "--threads", 1, "--cache", cache, "--json", *(["--scene-db", database] if count > 1 else [])]))
+                        with open(out, "rb") as f:
+                            picture = f.read()
+                        first = first or picture
+                        if picture != first:
+                            sys.exit(f"{count} machines, {database}: another picture")
+                    seconds = statistics.median(r["render_seconds"] for r in reports)
+                    alone = alone or seconds
+                    rows = reports[-1].get("machines", [])
+                    print(f"{megabits:>4} Mbit {count:9} {database:>9} {seconds:8.1f} {alone / seconds:8.2f}x "
+                          f"{sum(r['model_bytes_sent'] for r in rows) / 1e6:8.1f} MB "
+                          f"{reports[-1].get('machine_bytes_received', 0) / 1e6:10.1f} MB "
+                          f"{max([r['peak_resident_bytes'] for r in rows[1:]], default=0) / 1e6:12.0f} MB", flush=True)
+                machines.remove()
+    finally:
+        if machines:
+            machines.remove()
+        call("umount", os.path.join(folder, "cpu"), check=False)
+        shutil.rmtree(folder, ignore_errors=True)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

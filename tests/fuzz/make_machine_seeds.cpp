@@ -1,0 +1,55 @@
+// Writes a message of each kind, where the fuzzing of messages starts. Usage: fuzz_machine_seeds
+// FOLDER
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <string>
+
+#include "src/machines/messages.h"
+#include "src/machines/sample_bytes.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using namespace trex::machines;
+
+fs::path folder_;
+
+template <class M>
+void write(const std::string& name, const M& message, std::uint32_t contents = 0,
+           std::size_t count = 0) {
+  const Bytes bytes = encode(message);
+  std::ofstream file(folder_ / name, std::ios::binary);
+  file.put(static_cast<char>(contents)).put(static_cast<char>(count));
+  file.write(reinterpret_cast<const char*>(bytes.data()), static_cast<long>(bytes.size()));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  if (argc != 2) {
+    std::fprintf(stderr, "usage: fuzz_machine_seeds FOLDER\n");
+    return 2;
+  }
+  folder_ = fs::path(argv[1]) / "machines";
+  fs::create_directories(folder_);
+  write("hello", Hello{"0.1.0", "host", 1, 2, 3});
+  write("welcome", Welcome{0, 1, {5, 0, 7, 0}});
+  write("ready", Ready{5});
+  write("view", SetView{1});
+  write("set", ViewSet{1, "none"});
+  write("light", LightComes{1, 4096});
+  write("pass", Pass{1, 2, 4096, kPairs | kRays, {0.25, 0.5, 1.0}});
+  write("job", GiveJob{2, 3, 64, 72});
+  write("fetch", Fetch{0, 4096, 1, 65536});
+  write("part", Part{1, Bytes(40, std::byte{3})});
+  write("failed", Failed{4, "no memory"});
+  write("stop", Stop{});
+  std::vector<trex::TakenSample> samples(5);
+  samples[1].paired = samples[4].paired = true;
+  for (const std::uint32_t contents : {0u, 1u, 33u, 62u, 63u}) {
+    Result result;
+    result.samples = packSamples(samples, contents);
+    write("result" + std::to_string(contents), result, contents, samples.size());
+  }
+}
