@@ -1,7 +1,6 @@
 #include "src/app/render_machines.h"
 
 #include <fmt/format.h>
-#include <tbb/task_arena.h>
 #include <unistd.h>
 
 #include <csignal>
@@ -15,6 +14,7 @@
 #include "src/command/interrupt.h"
 #include "src/core/error.h"
 #include "src/core/log.h"
+#include "src/core/threads.h"
 #include "src/machines/identity.h"
 #include "src/machines/leader.h"
 #include "src/machines/mpi_wire.h"
@@ -221,8 +221,7 @@ int follow(RenderArguments& a, const machines::Hello& self) {
 
 int renderTogether(RenderArguments& a) {
   checkTogether(a);
-  const machines::Hello self =
-      machines::helloOfThis(static_cast<std::uint32_t>(tbb::this_task_arena::max_concurrency()));
+  const machines::Hello self = machines::helloOfThis(static_cast<std::uint32_t>(threadsAllowed()));
   return machines::startedAs().rank == 0 ? lead(a, self) : follow(a, self);
 }
 

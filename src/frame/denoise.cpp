@@ -2,7 +2,6 @@
 
 #include <hwy/aligned_allocator.h>
 #include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <cassert>
@@ -10,6 +9,7 @@
 #include <optional>
 #include <utility>
 
+#include "src/core/threads.h"
 #include "src/frame/denoise_fragments.h"
 #include "src/frame/denoise_kernels.h"
 
@@ -309,7 +309,7 @@ void GuessFilter::Work::passRow(const Pass& pass, int y) {
 void GuessFilter::Work::band() {
   const Pass& pass = passes_[pass_];
   if (pass.kind == kFinish && row_ == 0) out.resize(index(planes_.height));
-  const auto threads = static_cast<std::size_t>(tbb::this_task_arena::max_concurrency());
+  const auto threads = static_cast<std::size_t>(threadsAllowed());
   const std::size_t rows = std::max<std::size_t>(kBandPixels / planes_.stride, 1) * threads;
   const int end = static_cast<int>(
       std::min(static_cast<std::size_t>(row_) + rows, static_cast<std::size_t>(planes_.height)));

@@ -2,7 +2,6 @@
 
 #include <dlfcn.h>
 #include <fmt/format.h>
-#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <bit>
@@ -14,6 +13,7 @@
 #include <utility>
 
 #include "src/core/error.h"
+#include "src/core/threads.h"
 
 namespace trex {
 namespace {
@@ -199,7 +199,7 @@ bool Oidn::Impl::start(int type, std::string& problem) {
     if (found == kCpuDevice) {
       // Threads belong to oneTBB, whose other work must not be bound to cores.
       api.setDeviceBool(handle, "setAffinity", false);
-      api.setDeviceInt(handle, "numThreads", tbb::this_task_arena::max_concurrency());
+      api.setDeviceInt(handle, "numThreads", threadsAllowed());
     }
     api.commitDevice(handle);
     check();

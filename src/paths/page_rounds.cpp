@@ -1,16 +1,16 @@
 #include "src/paths/page_rounds.h"
 
 #include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
 
 #include "src/core/clock.h"
+#include "src/core/threads.h"
 #include "src/crays/reading_pages.h"
 
 namespace trex {
 
 PageRounds::PageRounds(const RayScene& scene, LoadChoice& choice, TrafficRecord* record,
                        std::uint64_t paths, std::uint64_t rays, const GiveUp& giveUp)
-    : threads_(tbb::this_task_arena::max_concurrency()),
+    : threads_(threadsAllowed()),
       queues_(scene.parts().paged->table().pages.size(), rays),
       traffic_(scene.parts().paged->cache(), choice, queues_, paths,
                static_cast<unsigned>(threads_), kLoaders, record),

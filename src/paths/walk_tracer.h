@@ -5,7 +5,6 @@
 #pragma once
 
 #include <tbb/parallel_for.h>
-#include <tbb/task_arena.h>
 
 #include <algorithm>
 #include <array>
@@ -14,6 +13,7 @@
 #include <memory>
 #include <vector>
 
+#include "src/core/threads.h"
 #include "src/crays/waiting_ray.h"
 #include "src/paths/page_rounds.h"
 #include "src/paths/plain_wave.h"
@@ -58,7 +58,7 @@ class WalkTracer {
   static constexpr std::uint32_t kLeastChunk = 64, kMostChunk = 1024;  ///< that a thread takes
 
   static std::uint32_t chunkOf(std::uint32_t count) {
-    const int threads = tbb::this_task_arena::max_concurrency();
+    const int threads = threadsAllowed();
     return std::clamp(count / (2 * static_cast<std::uint32_t>(threads)), kLeastChunk, kMostChunk);
   }
 

@@ -1,11 +1,10 @@
 #include "src/session/session.h"
 
-#include <tbb/task_arena.h>
-
 #include <algorithm>
 #include <utility>
 
 #include "src/core/clock.h"
+#include "src/core/threads.h"
 #include "src/paths/walk_tracer.h"
 #include "src/session/picture_error.h"
 
@@ -219,8 +218,8 @@ void Session::makeWalks() {
   }
   loads_ = std::make_unique<LoadChoice>(rays.parts().paged->table(), settings_.predictLoads);
   if (settings_.recordTraffic) {
-    traffic_ = std::make_unique<TrafficRecord>(
-        static_cast<unsigned>(tbb::this_task_arena::max_concurrency()), PageRounds::kLoaders);
+    traffic_ = std::make_unique<TrafficRecord>(static_cast<unsigned>(threadsAllowed()),
+                                               PageRounds::kLoaders);
   }
   walks_ = std::make_unique<const WalkTracer>(rays, *loads_, settings_.rayMemory, traffic_.get());
 }
