@@ -3,19 +3,24 @@
 
     tests/bench/tradeoff_table.py report.json [--at 1,8,60] [--flip 0.1]
 
-A figure is that of the last point that is not later than the second asked for, with a tenth of grace. Where peers.py has
-added other renderers, two last tables say how long each of them takes to the relMSE of our last point, and both to FLIP 0.1.
+A figure lies between the points before and after the second asked for, by their logarithms. Where peers.py has added
+other renderers, two last tables say how long each of them takes to the relMSE of our last point, and both to FLIP 0.1.
 """
 import argparse, json, math
 
 
-def at(points, seconds):
-    early = [p for p in points if p["seconds"] <= 1.1 * seconds]
-    return early[-1] if early else None
+def at(points, seconds, key):
+    """A curve after so many seconds, along straight lines of the logarithms; a last point a tenth early counts."""
+    for a, b in zip(points, points[1:]):
+        if a["seconds"] <= seconds <= b["seconds"]:
+            way = math.log(seconds / a["seconds"]) / math.log(b["seconds"] / a["seconds"])
+            return a[key] * (b[key] / a[key]) ** way
+    near = [p for p in points if 0.9 * seconds <= p["seconds"] <= 1.1 * seconds]
+    return near[-1][key] if near else None
 
 
-def cell(point, key, digits):
-    return "-" if point is None else f"{point[key]:.{digits}f}"
+def cell(value, digits):
+    return "-" if value is None else f"{value:.{digits}f}"
 
 
 def table(header, rows):
@@ -83,12 +88,12 @@ def main():
     curves = [(s, r) for s in report["scenes"] for r in s["runs"] + s.get("peers", [])]
     for key, digits in (("flip", 3), ("relmse", 4)):
         table(["scene", "", *(f"{key} after {t:g} s" for t in seconds), *(["slope"] if key == "relmse" else [])],
-              [[s["name"], name(r), *(cell(at(r["points"], t), key, digits) for t in seconds),
+              [[s["name"], name(r), *(cell(at(r["points"], t, key), digits) for t in seconds),
                 *([f"{r['slope']:.2f}" if r.get("slope") is not None else "-"] if key == "relmse" else [])]
                for s, r in curves])
     last = [(s, r) for s in report["scenes"] for r in s["runs"]]
     table(["scene", "", "mean ratio at the end", "c_rays", "shadow_rays", "cache_reads", "photons"],
-          [[s["name"], name(r), cell(r["points"][-1], "mean_ratio", 4),
+          [[s["name"], name(r), cell(r["points"][-1]["mean_ratio"], 4),
             *(f"{r['rays'][k + '_share']:.2f}" for k in ("c_ray", "shadow_ray", "cache_read")),
             f"{r['photons']:.3g}"] for s, r in last])
     table(["scene", "import", "mesh", "voxels"],
