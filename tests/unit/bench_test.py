@@ -201,7 +201,11 @@ class BenchTest(unittest.TestCase):
         self.assertAlmostEqual(cpu["points"][-1]["mean_ratio"], 1.0, delta=0.02)
         last = [run["points"][-1]["relmse"] for run in document["runs"]]
         self.assertEqual(document["common_relmse"], max(last))
-        self.assertGreater(document["ratios"]["photons_over_cpu"], 1.0)
+        # Each got there by its last point and no earlier than at its first.
+        ratio = document["ratios"]["photons_over_cpu"]
+        first, last = ([run["points"][i]["seconds"] for run in document["runs"]] for i in (0, -1))
+        self.assertGreaterEqual(ratio, 0.999 * first[0] / last[1])
+        self.assertLessEqual(ratio, 1.001 * last[0] / first[1])
         self.assertNotIn("cpu_over_device", document["ratios"])
         self.assertIn("photon mapping over ours", result.stdout)
 
