@@ -1,9 +1,5 @@
 // trex render INPUT -o OUT: headless capture.
-#include <tbb/global_control.h>
-
-#include <cstdlib>
 #include <memory>
-#include <optional>
 #include <string>
 
 #include "src/app/app.h"
@@ -11,23 +7,17 @@
 #include "src/app/render_machines.h"
 #include "src/app/render_open.h"
 #include "src/command/parse.h"
+#include "src/core/threads.h"
 #include "src/machines/mpi_wire.h"
 
 namespace trex {
 namespace {
 
-void setThreads(int threads, std::optional<tbb::global_control>& limit) {
-  if (threads <= 0) return;
-  limit.emplace(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
-  setenv("LP_NUM_THREADS", std::to_string(threads).c_str(), 0);  // lavapipe's own threads
-}
-
 int render(RenderArguments& a) {
   readSettings(a);
   layersOf(a);
   exposureOf(a, Picture{});
-  std::optional<tbb::global_control> limit;
-  setThreads(a.threads, limit);
+  const ThreadLimit limit(a.threads);
   if (machines::startedAs().size > 1) return renderTogether(a);
   checkFiles(a);
   OpenedRender opened;

@@ -1,13 +1,11 @@
 // trex bench: figures of this program on this machine.
 #include <fmt/format.h>
-#include <tbb/global_control.h>
 
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <memory>
-#include <optional>
 
 #include "src/bench/bench.h"
 #include "src/bench/bench_hccmesh.h"
@@ -18,6 +16,7 @@
 #include "src/command/render_arguments.h"
 #include "src/core/error.h"
 #include "src/core/file.h"
+#include "src/core/threads.h"
 
 namespace trex {
 namespace {
@@ -176,12 +175,7 @@ int tradeoff(BenchArguments& a) {
     return 0;
   }
   const TradeoffArguments arguments = readArguments(a);
-  std::optional<tbb::global_control> limit;
-  if (a.threads > 0) {
-    limit.emplace(tbb::global_control::max_allowed_parallelism,
-                  static_cast<std::size_t>(a.threads));
-    setenv("LP_NUM_THREADS", std::to_string(a.threads).c_str(), 0);  // lavapipe's own threads
-  }
+  const ThreadLimit limit(a.threads);
   catchInterrupts();
   // Hours of work are kept as they are done.
   const auto keep = [&](const json& document) {
@@ -217,11 +211,7 @@ void addHccmeshBench(CLI::App& bench) {
   c->add_option("--json", a->json, "Write the document to this file; - is stdout");
   c->callback([a] {
     if (!a->json.empty() && a->json != "-") checkWritable(a->json);
-    std::optional<tbb::global_control> limit;
-    if (a->threads > 0) {
-      limit.emplace(tbb::global_control::max_allowed_parallelism,
-                    static_cast<std::size_t>(a->threads));
-    }
+    const ThreadLimit limit(a->threads);
     const nlohmann::ordered_json document = benchHccmesh(a->bench);
     if (a->json == "-") {
       fmt::print("{}\n", document.dump(1));

@@ -23,6 +23,7 @@
 #include "src/core/error.h"
 #include "src/core/file.h"
 #include "src/core/sampler.h"
+#include "src/core/threads.h"
 #include "src/grays/grays.h"
 #include "src/scene/import.h"
 #include "src/session/voxel_source.h"
@@ -298,12 +299,7 @@ void printTable(const Json& d) {
 void run(AsvoArguments& a) {
   readSettings(a.render);
   if (!a.json.empty() && a.json != "-") checkWritable(a.json);
-  std::optional<tbb::global_control> limit;
-  if (a.threads > 0) {
-    limit.emplace(tbb::global_control::max_allowed_parallelism,
-                  static_cast<std::size_t>(a.threads));
-    setenv("LP_NUM_THREADS", std::to_string(a.threads).c_str(), 0);  // lavapipe's own threads
-  }
+  const ThreadLimit limit(a.threads);
   const Json document = measure(a);
   if (a.json == "-") {
     fmt::print("{}\n", document.dump(1));

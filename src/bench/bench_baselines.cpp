@@ -126,20 +126,8 @@ json ours(const std::shared_ptr<const Model>& model, const BaselineArguments& a,
   return run;
 }
 
-/// Of the seconds to the error that all runs have reached.
-json ratiosOf(const json& runs, double relmse) {
-  const auto seconds = [&](std::size_t i) { return secondsToRelmse(runs[i]["points"], relmse); };
-  json out;
-  out["photons_over_cpu"] = seconds(0) / seconds(1);
-  if (runs.size() > 2) {
-    out["cpu_over_device"] = seconds(1) / seconds(2);
-    out["photons_over_device"] = seconds(0) / seconds(2);
-  }
-  return out;
-}
-
-}  // namespace
-
+/// The seconds at which a curve of points reaches a relMSE, along straight lines between the
+/// logarithms; at its first point where it is there from the start. NaN: not reached.
 double secondsToRelmse(const json& points, double relmse) {
   for (std::size_t i = 0; i < points.size(); ++i) {
     const double error = points[i].at("relmse");
@@ -154,6 +142,20 @@ double secondsToRelmse(const json& points, double relmse) {
   }
   return std::numeric_limits<double>::quiet_NaN();
 }
+
+/// Of the seconds to the error that all runs have reached.
+json ratiosOf(const json& runs, double relmse) {
+  const auto seconds = [&](std::size_t i) { return secondsToRelmse(runs[i]["points"], relmse); };
+  json out;
+  out["photons_over_cpu"] = seconds(0) / seconds(1);
+  if (runs.size() > 2) {
+    out["cpu_over_device"] = seconds(1) / seconds(2);
+    out["photons_over_device"] = seconds(0) / seconds(2);
+  }
+  return out;
+}
+
+}  // namespace
 
 json benchBaselines(const BaselineArguments& a) {
   json out = {{"bench", "baselines"},

@@ -16,12 +16,10 @@ struct BaselineArguments {
   std::uint64_t nearest = 50;       ///< photons that it takes an irradiance of
 };
 
-/// Error over time, nothing filtered, of
-///   photons   photon mapping: photons on HCCMesh into a tree of points; paths of the camera,
-///   lights
-///             sampled where they meet a surface, one gathering ray, at its end the nearest photons
-///   cpu       this program without a device
-///   device    with one; missing where there is none
+/// Error over time, nothing filtered. The runs: `photons` is photon mapping (photons on HCCMesh
+/// into a tree of points; paths of the camera, lights sampled where they meet a surface, one
+/// gathering ray, at its end the nearest photons), `cpu` this program without a device, `device`
+/// with one, and missing where there is none.
 ///
 /// {"bench": "baselines", "machine", "settings", "input", "reference", "setup", "runs": [{"name",
 /// "points": [{"seconds", "samples", "relmse", "flip", ..}]}], "common_relmse", "ratios":
@@ -29,9 +27,5 @@ struct BaselineArguments {
 /// common_relmse is what all runs have reached, the worst of their last points; a ratio is of the
 /// seconds to it. An interrupt ends the bench with what is done. Throws Error.
 nlohmann::json benchBaselines(const BaselineArguments& arguments);
-
-/// The seconds at which a curve of points reaches a relMSE, along straight lines between the
-/// logarithms; at its first point where it is there from the start. NaN: not reached.
-double secondsToRelmse(const nlohmann::json& points, double relmse);
 
 }  // namespace trex

@@ -1,12 +1,10 @@
 // trex bench baselines: its command line and its table.
 #include <fmt/format.h>
-#include <tbb/global_control.h>
 
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
-#include <optional>
 
 #include "src/bench/bench.h"
 #include "src/bench/bench_baselines.h"
@@ -15,6 +13,7 @@
 #include "src/command/render_arguments.h"
 #include "src/core/error.h"
 #include "src/core/file.h"
+#include "src/core/threads.h"
 
 namespace trex {
 namespace {
@@ -77,12 +76,7 @@ int runBaselines(BaselinesCommand& a) {
     fail(ExitCode::kInput, "{}: no such file", path);
   }
   if (!a.json.empty() && a.json != "-") checkWritable(a.json);
-  std::optional<tbb::global_control> limit;
-  if (a.threads > 0) {
-    limit.emplace(tbb::global_control::max_allowed_parallelism,
-                  static_cast<std::size_t>(a.threads));
-    setenv("LP_NUM_THREADS", std::to_string(a.threads).c_str(), 0);  // lavapipe's own threads
-  }
+  const ThreadLimit limit(a.threads);
   catchInterrupts();
   const json document = benchBaselines(a.bench);
   if (a.json == "-") {

@@ -15,8 +15,8 @@ namespace trex {
 /// One scene of a bench.
 struct BenchScene {
   std::string input;  ///< model file
-  std::string reference =
-      "auto";               ///< picture file, or "auto": rendered by the exact mode, another seed
+  /// Picture file, or "auto": rendered by the exact mode, another seed.
+  std::string reference = "auto";
   std::string environment;  ///< as of `trex render --env`; empty: the scene's
 };
 

@@ -72,11 +72,12 @@ nlohmann::json Scorer::score(ColorImage image) const {
     ++nonFinite;
   }
   const RelativeError error = relativeError(image, reference_);
+  const double mean = meanValue(image);
   const auto map = flipMap(shown_, displayed(image, scale_), kFlipPixelsPerDegree);
   return {{"relmse", error.trimmed},
           {"relmse_all", error.all},
           {"flip", meanError(map)},
-          {"mean_ratio", meanValue(image) / mean_},
+          {"mean_ratio", mean == mean_ ? 1.0 : mean / mean_},
           {"nonfinite_pixels", nonFinite}};
 }
 

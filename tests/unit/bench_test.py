@@ -209,6 +209,18 @@ class BenchTest(unittest.TestCase):
         self.assertNotIn("cpu_over_device", document["ratios"])
         self.assertIn("photon mapping over ours", result.stdout)
 
+    def test_baselines_of_a_dark_scene(self):
+        dark, path = os.path.join(self.folder, "dark.obj"), os.path.join(self.folder, "dark.json")
+        with open(dark, "w") as f:
+            f.write("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+        result = run("bench", "baselines", dark, "--env", "0,0,0", "--size", "16x16", "--seconds", 0.1, "--photons", 1,
+                     "--device", "none", "--json", path)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertNotIn("nan", result.stdout)
+        with open(path) as f:
+            for run_ in json.load(f)["runs"]:
+                self.assertEqual((run_["points"][-1]["relmse"], run_["points"][-1]["mean_ratio"]), (0.0, 1.0))
+
     def test_wrong_baselines(self):
         for code, arguments, says in (
                 (2, [], "MODEL"), (2, [self.cornell, "--nearest", "0"], "nearest"),

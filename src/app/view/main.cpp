@@ -1,12 +1,8 @@
 // trex-view: the window of `trex view`, a program of its own.
-#include <tbb/global_control.h>
-
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
 #include <new>
-#include <optional>
 
 #include "src/app/view/loop.h"
 #include "src/app/view/replay_runner.h"
@@ -14,17 +10,12 @@
 #include "src/core/error.h"
 #include "src/core/file.h"
 #include "src/core/log.h"
+#include "src/core/threads.h"
 #include "src/vulkan/vulkan.h"
 
 namespace {
 
 using Clock = trex::ReplayRunner::Clock;
-
-void setThreads(int threads, std::optional<tbb::global_control>& limit) {
-  if (threads <= 0) return;
-  limit.emplace(tbb::global_control::max_allowed_parallelism, static_cast<std::size_t>(threads));
-  setenv("LP_NUM_THREADS", std::to_string(threads).c_str(), 0);  // lavapipe's own threads
-}
 
 void writeReport(const nlohmann::ordered_json& report, const std::filesystem::path& path) {
   if (path.empty()) {
@@ -89,8 +80,7 @@ int run(int argc, char** argv) {
   const auto started = Clock::now();
   trex::ViewArguments a = trex::readViewArguments(argc, argv);
   if (a.help) return 0;
-  std::optional<tbb::global_control> limit;
-  setThreads(a.threads, limit);
+  const trex::ThreadLimit limit(a.threads);
   const int code = view(a, started);
   const auto messages = trex::Window::validationMessages() + trex::vulkan::validationMessages();
   if (messages == 0) return code;
