@@ -223,8 +223,8 @@ def sphere(radius, rings, segments):
     return shape
 
 
-def png(width, height, pixel):
-    """An 8-bit RGB PNG; pixel(x, y) gives three bytes."""
+def png(width, height, pixel, channels=3):
+    """An 8-bit PNG of RGB, or RGBA with channels 4; pixel(x, y) gives that many bytes."""
     rows = b"".join(b"\0" + bytes(v for x in range(width) for v in pixel(x, y))
                     for y in range(height))
 
@@ -233,7 +233,7 @@ def png(width, height, pixel):
                 struct.pack(">I", zlib.crc32(kind + body)))
 
     return (b"\x89PNG\r\n\x1a\n" +
-            chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)) +
+            chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 6 if channels == 4 else 2, 0, 0, 0)) +
             chunk(b"IDAT", zlib.compress(rows, 9)) + chunk(b"IEND", b""))
 
 

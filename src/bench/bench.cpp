@@ -100,7 +100,8 @@ TradeoffArguments readArguments(BenchArguments& a) {
   for (const std::string& share : a.shares) setExact(share, out.runs.emplace_back(out.settings));
   if (out.referenceSeconds <= 0.0) out.referenceSeconds = 4.0 * a.seconds;
   for (std::size_t i = 0; i < a.scenes.size(); ++i) {
-    out.scenes.push_back({a.scenes[i], referenceOf(a, i), environmentOf(a, nameOf(a.scenes[i]))});
+    out.scenes.push_back({a.scenes[i], referenceOf(a, i), environmentOf(a, nameOf(a.scenes[i])),
+                          a.render.import.maxBounces});
   }
   return out;
 }
@@ -255,6 +256,7 @@ void addBenchCommand(CLI::App& app, int& exitCode) {
   c->add_option("--env", a->environments,
                 "Environment for all scenes, or NAME=E for one; may be repeated")
       ->allow_extra_args(false);
+  addMaxBounces(*c, a->render.import);
   c->add_option("--device", a->render.device, "Vulkan device: number, auto or none")
       ->capture_default_str();
   c->add_option("--guess", a->render.guess, "Guess of far, wide rays: auto, ray or cone")

@@ -46,6 +46,7 @@ std::shared_ptr<const Model> benchModel(const BenchScene& scene, const RenderSet
   const double start = secondsNow();
   ImportOptions options;
   options.environmentGiven = !scene.environment.empty();
+  options.maxBounces = scene.maxBounces;
   Scene imported = importScene(scene.input, options);
   if (options.environmentGiven) imported.environment = parseEnvironment(scene.environment);
   const double importSeconds = secondsNow() - start;

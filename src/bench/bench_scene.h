@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 
 #include "src/bench/bench_score.h"
@@ -18,6 +19,7 @@ struct BenchScene {
   /// Picture file, or "auto": rendered by the exact mode, another seed.
   std::string reference = "auto";
   std::string environment;  ///< as of `trex render --env`; empty: the scene's
+  std::optional<std::uint32_t> maxBounces{};  ///< instead of the file's
 };
 
 /// {"cpu", "threads", "cores", "device": "none", "version"}.

@@ -92,6 +92,7 @@ json benchScene(const BenchScene& scene, const TradeoffArguments& a) {
   json out = {{"name", name},
               {"input", scene.input},
               {"environment", scene.environment.empty() ? json(nullptr) : json(scene.environment)},
+              {"max_bounces", scene.maxBounces ? json(*scene.maxBounces) : json(nullptr)},
               {"runs", json::array()},
               {"peers", json::array()}};
   // A bad reference is told before minutes of work.

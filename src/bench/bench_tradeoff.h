@@ -25,7 +25,7 @@ struct TradeoffArguments {
 /// the reference NAME.exr, FLIP is taken against it. An interrupt ends the bench with what is done.
 ///
 /// The document: {"bench": "tradeoff", "machine": {..}, "settings": {..}, "scenes": [{"name",
-/// "input", "environment", "reference": {..}, "setup": {..}, "runs": [{"exact" (or "auto"),
+/// "input", "environment", "max_bounces", "reference": {..}, "setup": {..}, "runs": [{"exact" (or "auto"),
 /// "points":
 /// [{"seconds", "samples", "relmse", "flip", "mean_ratio", ..}], "slope", ..}], "peers": []}]}.
 /// `sceneDone` gets the document after each scene. Throws Error.

@@ -96,6 +96,14 @@ void addExact(CLI::App& command, RenderSettings& settings) {
       ->default_str(exactText(settings));
 }
 
+void addMaxBounces(CLI::App& command, ImportOptions& options) {
+  command.add_option_function<std::string>(
+      "--max-bounces",
+      [&options](const std::string& text) { options.maxBounces = parseBounces(text); },
+      "Reflections and scatterings of light, at most: 0 emission alone, 1 direct light too; all "
+      "[what a Mitsuba or pbrt file says, else all]");
+}
+
 void addImportOptions(CLI::App& command, ImportOptions& options) {
   command.add_option_function<std::string>(
       "--unit", [&options](const std::string& text) { options.unit = parseUnit(text); },
@@ -110,11 +118,7 @@ void addImportOptions(CLI::App& command, ImportOptions& options) {
       [&options](const std::string& text) { options.pointSize = parsePointSize(text); },
       "Show the points of a .ply without faces, that many metres across: squares across their "
       "normals, or octahedra [they are refused]");
-  command.add_option_function<std::string>(
-      "--max-bounces",
-      [&options](const std::string& text) { options.maxBounces = parseBounces(text); },
-      "Reflections and scatterings of light, at most: 0 emission alone, 1 direct light too; all "
-      "[what a Mitsuba or pbrt file says, else all]");
+  addMaxBounces(command, options);
   command.add_option("--scene", options.scene, "Scene of a glTF: name or number [its default]");
   command.add_option("--variant", options.variant,
                      "Variant of a glTF's materials (KHR_materials_variants): name or number");

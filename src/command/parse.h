@@ -23,6 +23,8 @@ void addExact(CLI::App& command, RenderSettings& settings);
 /// Adds what decides how a model is read: --strict, --unit, --up,
 /// --scene, --variant, --animation and --at.
 void addImportOptions(CLI::App& command, ImportOptions& options);
+/// --max-bounces alone.
+void addMaxBounces(CLI::App& command, ImportOptions& options);
 /// Adds --denoise.
 void addDenoise(CLI::App& command, Denoise& denoise);
 /// Adds --photon-bounces.

@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
 """Prints the tables of docs/tradeoff.md from the JSON of `trex bench tradeoff`.
 
-    tests/bench/tradeoff_table.py report.json [--at 1,8,60] [--flip 0.1]
+    tests/bench/tradeoff_table.py report.json [seed1.json ...] [--at 1,8,60] [--flip 0.1]
 
 A figure lies between the points before and after the second asked for, by their logarithms. Where peers.py has added
 other renderers, two last tables say how long each of them takes to the relMSE of our last point, and both to FLIP 0.1.
+Further reports are of other seeds: ours are then the medians of all, and what lies between the least and the largest
+FLIP and relMSE is told. Peers are those of the first report.
 """
-import argparse, json, math
+import argparse, json, math, statistics
 
 
 def at(points, seconds, key):
@@ -17,6 +19,26 @@ def at(points, seconds, key):
             return a[key] * (b[key] / a[key]) ** way
     near = [p for p in points if 0.9 * seconds <= p["seconds"] <= 1.1 * seconds]
     return near[-1][key] if near else None
+
+
+def median(values):
+    """None is later than, or above, everything."""
+    found = statistics.median_low([math.inf if v is None else v for v in values])
+    return None if math.isinf(found) else found
+
+
+def seeds_of(reports):
+    """(scene, run, the same run of all seeds) of the first report."""
+    for s, scene in enumerate(reports[0]["scenes"]):
+        for r, run in enumerate(scene["runs"]):
+            yield scene, run, [report["scenes"][s]["runs"][r] for report in reports]
+
+
+def check_alike(reports):
+    for report in reports[1:]:
+        for told in (lambda d: [s["name"] for s in d["scenes"]], lambda d: d["settings"]["exact"]):
+            if told(report) != told(reports[0]):
+                raise SystemExit("reports of different scenes or shares")
 
 
 def cell(value, digits):
@@ -49,21 +71,22 @@ def geometric_means(ratios):
             for (run, peer), r in ratios.items()]
 
 
-def against_peers(scenes, flip):
+def against_peers(reports, flip):
     """How long other renderers take to what we reach: to the relMSE of our last point, and both to a FLIP."""
     errors, looks, ratios = [], [], {}
-    for scene in scenes:
-        for run, peer in ((r, p) for r in scene["runs"] for p in scene.get("peers", [])):
-            ours, key = run["points"][-1], (name(run), peer["renderer"])
+    for scene, run, seeds in seeds_of(reports):
+        for peer in scene.get("peers", []):
+            key = (name(run), peer["renderer"])
+            ours = {k: statistics.median(s["points"][-1][k] for s in seeds) for k in ("seconds", "relmse")}
             theirs = seconds_to_error(peer["points"], ours["relmse"])
             ratios.setdefault(key, []).append(theirs / ours["seconds"])
             errors.append([scene["name"], *key, f"{ours['relmse']:.4g} in {ours['seconds']:.1f} s", f"{theirs:.1f} s",
                            f"{theirs / ours['seconds']:.2f}"])
             row = [scene["name"], *key]
-            for points in (run["points"], peer["points"]):
-                found = seconds_to(points, "flip", flip)
-                first, last = points[0], points[-1]
-                row.append(f"{found:.2f} s" if found else f"< {first['seconds']:.2f} s" if first["flip"] <= flip
+            for curves in ([s["points"] for s in seeds], [peer["points"]]):
+                found = median([0.0 if points[0]["flip"] <= flip else seconds_to(points, "flip", flip) for points in curves])
+                first, last = curves[0][0], curves[0][-1]
+                row.append(f"{found:.2f} s" if found else f"< {first['seconds']:.2f} s" if found == 0.0
                            else f"> {last['seconds']:.2f} s")
             looks.append(row)
     if errors:
@@ -78,19 +101,34 @@ def name(run):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("report")
+    parser.add_argument("reports", nargs="+", metavar="report")
     parser.add_argument("--at", default="1,8,60")
     parser.add_argument("--flip", type=float, default=0.1)
     options = parser.parse_args()
     seconds = [float(x) for x in options.at.split(",")]
-    with open(options.report) as f:
-        report = json.load(f)
-    curves = [(s, r) for s in report["scenes"] for r in s["runs"] + s.get("peers", [])]
+    reports = []
+    for path in options.reports:
+        with open(path) as f:
+            reports.append(json.load(f))
+    check_alike(reports)
+    report = reports[0]
+    curves = []
+    for scene in report["scenes"]:
+        curves += [(scene, run, seeds) for s, run, seeds in seeds_of(reports) if s is scene]
+        curves += [(scene, peer, [peer]) for peer in scene.get("peers", [])]
     for key, digits in (("flip", 3), ("relmse", 4)):
-        table(["scene", "", *(f"{key} after {t:g} s" for t in seconds), *(["slope"] if key == "relmse" else [])],
-              [[s["name"], name(r), *(cell(at(r["points"], t, key), digits) for t in seconds),
-                *([f"{r['slope']:.2f}" if r.get("slope") is not None else "-"] if key == "relmse" else [])]
-               for s, r in curves])
+        rows = []
+        for s, r, seeds in curves:
+            row = [s["name"], name(r)]
+            for t in seconds:
+                values = [at(one["points"], t, key) for one in seeds]
+                row.append(cell(median(values), digits))
+                if len(values) > 1 and None not in values:
+                    row[-1] += f" ({min(values):.{digits}f} to {max(values):.{digits}f})"
+            if key == "relmse":
+                row.append(f"{r['slope']:.2f}" if r.get("slope") is not None else "-")
+            rows.append(row)
+        table(["scene", "", *(f"{key} after {t:g} s" for t in seconds), *(["slope"] if key == "relmse" else [])], rows)
     last = [(s, r) for s in report["scenes"] for r in s["runs"]]
     table(["scene", "", "mean ratio at the end", "c_rays", "shadow_rays", "cache_reads", "photons"],
           [[s["name"], name(r), cell(r["points"][-1]["mean_ratio"], 4),
@@ -99,7 +137,7 @@ def main():
     table(["scene", "import", "mesh", "voxels"],
           [[s["name"], *(f"{s['setup'][k + '_seconds']:.2f}" for k in ("import", "mesh_build", "voxel_build"))]
            for s in report["scenes"]])
-    against_peers(report["scenes"], options.flip)
+    against_peers(reports, options.flip)
 
 
 if __name__ == "__main__":

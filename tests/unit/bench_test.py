@@ -109,6 +109,41 @@ class BenchTest(unittest.TestCase):
         self.assertEqual((exact["photons"], exact["rays"]["cache_reads"]), (0, 0))
         self.assertGreater(mixed["photons"], 0)
 
+    def test_bounces(self):
+        result = run("bench", "tradeoff", self.cornell, "--size", "16x16", "--seconds", 0.1, "--exact", "1", "--max-bounces", 0,
+                     "--device", "none", "--json", "-")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        scene, = json.loads(result.stdout)["scenes"]
+        self.assertEqual(scene["max_bounces"], 0)
+        self.assertEqual(scene["runs"][0]["rays"]["shadow_rays"], 0)
+        self.assertIsNone(self.document()["scenes"][0]["max_bounces"])
+
+    def test_table_of_seeds(self):
+        """Medians of three reports, of which one is twice as wrong everywhere."""
+        d = self.document()
+        point = dict(d["scenes"][0]["runs"][2]["points"][-1])
+        d["scenes"][0]["peers"] = [{"renderer": "peer", "start_seconds": 1.5, "points": [point, {**point, "seconds": 9.0, "flip": 1e-6}]}]
+        paths = []
+        for factor in (1.0, 2.0, 1.0):
+            for r in d["scenes"][0]["runs"]:
+                for p in r["points"]:
+                    p["flip"] *= factor
+            paths.append(os.path.join(self.folder, f"seed{len(paths)}.json"))
+            with open(paths[-1], "w") as f:
+                json.dump(d, f)
+            for r in d["scenes"][0]["runs"]:
+                for p in r["points"]:
+                    p["flip"] /= factor
+        tool = os.path.join(os.path.dirname(ASSETS), "tests/bench/tradeoff_table.py")
+        at = "0.5"
+        one, three = (subprocess.run([sys.executable, tool, *p, "--at", at], capture_output=True, text=True, check=True).stdout
+                      for p in (paths[:1], paths))
+        first, all_seeds = (next(line for line in text.splitlines() if line.startswith("| cornell | exact 0 |"))
+                            for text in (one, three))
+        value = first.split("|")[3].strip()
+        self.assertTrue(all_seeds.split("|")[3].strip().startswith(value + " (" + value + " to "), all_seeds)
+        self.assertIn("seconds to FLIP 0.1", three)
+
     def test_page_and_charts(self):
         self.document()
         self.check_page(os.path.join(self.folder, "report.html"), 8)
