@@ -25,9 +25,9 @@ struct TradeoffArguments {
 /// the reference NAME.exr, FLIP is taken against it. An interrupt ends the bench with what is done.
 ///
 /// The document: {"bench": "tradeoff", "machine": {..}, "settings": {..}, "scenes": [{"name",
-/// "input", "environment", "max_bounces", "reference": {..}, "setup": {..}, "runs": [{"exact" (or "auto"),
-/// "points":
-/// [{"seconds", "samples", "relmse", "flip", "mean_ratio", ..}], "slope", ..}], "peers": []}]}.
+/// "input", "environment", "max_bounces", "reference": {..}, "setup": {..}, "runs": [{"exact" (or
+/// "auto"), "points": [{"seconds", "samples", "relmse", "flip", "mean_ratio", ..}], "slope", ..}],
+/// "peers": []}]}.
 /// `sceneDone` gets the document after each scene. Throws Error.
 nlohmann::json benchTradeoff(const TradeoffArguments& arguments,
                              const std::function<void(const nlohmann::json&)>& sceneDone);

@@ -10,7 +10,7 @@ constexpr double kSurely = 2.0;  // standard errors of the mean bias that count 
 
 /// Pairs a pixel of a region, at most and at least, once there are `more` samples.
 double pairsAt(const ShareFigures& f, double reach, double more) {
-  const double least = f.pairs + kLeastShareOfPairs * more, most = f.pairs + more;
+  const double least = f.pairs + leastShare(f) * more, most = f.pairs + more;
   if (!(f.pairCost > 0.0)) return most;
   // At each scale, where the error that a ray takes away is the same in all regions, 1 / reach^2.
   double wanted = least;
@@ -45,6 +45,10 @@ std::vector<double> spreadPairs(std::span<const ShareFigures> regions, double mo
 }
 
 }  // namespace
+
+double leastShare(const ShareFigures& f) {
+  return std::clamp(kPremium * f.guessCost / std::max(f.pairCost, 1e-30), kLeastShareOfPairs, 1.0);
+}
 
 double expectedError(const ShareFigures& f, double samples, double pairs) {
   double error = f.guessVariance / (kPooledGuesses * samples);
@@ -85,13 +89,14 @@ std::vector<double> chooseShares(std::span<const ShareFigures> regions, double s
   double guessRays = 0.0, leastRays = 0.0, mostRays = 0.0, spent = 0.0;  // of a sample of all
   for (const ShareFigures& f : regions) {
     guessRays += f.pixels * f.guessCost;
-    leastRays += f.pixels * (f.guessCost + kLeastShareOfPairs * f.pairCost);
+    leastRays += f.pixels * (f.guessCost + leastShare(f) * f.pairCost);
     mostRays += f.pixels * (f.guessCost + f.pairCost);
     spent += f.pixels * (samples * f.guessCost + f.pairs * f.pairCost);
   }
   constexpr int kSteps = 24;
   double least = HUGE_VAL;
-  std::vector<double> shares(regions.size(), kLeastShareOfPairs);
+  std::vector<double> shares(regions.size());
+  std::transform(regions.begin(), regions.end(), shares.begin(), leastShare);
   for (int i = 0; i <= kSteps; ++i) {
     const double rays = leastRays * std::pow(mostRays / leastRays, double{1} * i / kSteps);
     const double more = spent / rays;
@@ -103,7 +108,8 @@ std::vector<double> chooseShares(std::span<const ShareFigures> regions, double s
     if (!(error < least)) continue;
     least = error;
     for (std::size_t k = 0; k < regions.size(); ++k) {
-      shares[k] = std::clamp((pairs[k] - regions[k].pairs) / more, kLeastShareOfPairs, 1.0);
+      shares[k] =
+          std::clamp((pairs[k] - regions[k].pairs) / more, leastShare(regions[k]), 1.0);
     }
   }
   return shares;

@@ -35,8 +35,14 @@ struct ShareFigures {
 
 /// Shares are never less: pairs grow without end, so pictures converge.
 inline constexpr double kLeastShareOfPairs = 1.0 / 32.0;
+/// Of the rays of guesses, what is spent in any case on bias that does not show yet: where exact
+/// paths cost little more than guesses, that is many pairs.
+inline constexpr double kPremium = 0.05;
 /// Of the first samples, of which nothing is known.
 inline constexpr double kFirstShare = 1.0 / 16.0;
+
+/// The least share of a region: the larger one of both.
+double leastShare(const ShareFigures& figures);
 
 /// Error of a region with so many samples and pairs a pixel: the guess's noise, and what is left of
 /// its bias when as much of the correction is added as stands out of the correction's noise.
@@ -47,7 +53,7 @@ double expectedError(const ShareFigures& figures, double samples, double pairs);
 /// where it is negative.
 void poolBias(std::span<ShareFigures> regions);
 
-/// Shares of the regions, kLeastShareOfPairs to 1, with which as many rays again as were spent so
+/// Shares of the regions, leastShare() to 1, with which as many rays again as were spent so
 /// far lower the mean of expectedError() most. Every pixel has `samples` >= 1 samples; bias and
 /// variances not negative. Of a region whose bias stands out of all noise the share is, in the end,
 /// that of multilevel estimation, proportional to sqrt(pairVariance / pairCost) [Giles 2008].

@@ -5,8 +5,8 @@
     tests/bench/hard_scenes.py [--trex build/trex] [--only caustics,glossy,media,lamps,foliage] [--exact auto] [--seconds 1,4,16]
                                [--truth 2048] [--size 256x256] [--out build/hard] [--pictures docs/hard] [-- options of trex render]
 
-The truth is the exact mode with --truth samples of another seed, not denoised; `noise` is the relMSE that it has itself, from two
-halves of it. It is kept in --out and rendered once. Media need build/make_vdb. Prints a table, one JSON line a picture
+The truth is the exact mode with --truth samples of another seed. FLIP is taken against it after Open Image Denoise, if
+that is there; its own relMSE, from two halves, is the last column. It is kept in --out and rendered once. Media need build/make_vdb. Prints a table, one JSON line a picture
 on stderr. --pictures writes a strip of each scene (needs OpenEXR and Pillow, see peers/setup.sh): the times,
 the truth, and last the exact share of the last picture, black 0 and white 1.
 """
@@ -62,7 +62,7 @@ def glossy(glb):
     room(glb, (4, 2.6, 4), walls)
     metal = [glb.material(f"metal {r}", (0.95, 0.8, 0.6), metallic=1.0, roughness=r) for r in (0.1, 0.2, 0.3)]
     glow = glb.material("lamp", (0.0, 0.0, 0.0), emission=(60.0, 56.0, 50.0), double_sided=False)
-    glb.object("lamp", Shape().quad((-1.9, 1.5, -1.0), (-1.9, 1.0, -1.0), (-1.4, 1.0, -1.9), (-1.4, 1.5, -1.9)), glow)
+    glb.object("lamp", Shape().quad((-1.4, 1.5, -1.9), (-1.4, 1.0, -1.9), (-1.9, 1.0, -1.0), (-1.9, 1.5, -1.0)), glow)
     glb.object("shade", Shape().quad((-1.88, 1.6, -0.95), (-1.36, 1.6, -1.88), (-1.36, 0.9, -1.88), (-1.88, 0.9, -0.95)),
                walls[3])
     glb.object("floor", Shape().quad((-2, 0.01, 2), (2, 0.01, 2), (2, 0.01, -2), (-2, 0.01, -2)), metal[1])
@@ -144,19 +144,22 @@ def difference(options, a, b):
 
 
 def truth(options, name, path, more):
-    """The true picture, the mean of two halves, and its own relMSE."""
+    """The true picture, the mean of two halves; the same without noise, for FLIP alone; and its own relMSE."""
     out = os.path.join(options.out, f"{name}-truth-{options.truth}-{options.size}.exr")
     halves = [out.replace("truth", f"half{seed}") for seed in (101, 102)]
     if not all(map(os.path.exists, (out, *halves))):
         for seed, half in zip((101, 102), halves):
             render(options, path, more, half, ["--exact", "1", "--spp", str(options.truth // 2), "--seed", str(seed),
-                                               "--denoise", "off", "--device", "none", "--aov", "variance,sampleCount"])
+                                               "--denoise", "off", "--device", "none", "--aov", "variance,sampleCount,albedo,normal"])
         subprocess.run([options.trex, "merge", *halves, "-o", out], check=True, stdout=subprocess.DEVNULL)
-    return out, difference(options, *halves)["relmse_trimmed"] / 4
+    clean = out.replace("truth", "clean")
+    if not os.path.exists(clean) and subprocess.run([options.trex, "denoise", out, "-o", clean]).returncode != 0:
+        clean = out
+    return out, clean, difference(options, *halves)["relmse_trimmed"] / 4
 
 
-def strip(options, name, pictures, true, last):
-    """The pictures side by side, as the truth would be exposed, and the share of exact samples."""
+def strip(options, name, pictures, true, stops):
+    """The pictures side by side, and the share of exact samples of the last."""
     import numpy, OpenEXR
     from PIL import Image
 
@@ -164,10 +167,8 @@ def strip(options, name, pictures, true, last):
         found = OpenEXR.File(path, separate_channels=True).channels()
         return numpy.stack([found[n].pixels.astype(float) for n in names], -1)
 
-    light = channels(true, "RGB")
-    scale = 0.4 / max(numpy.exp(numpy.log(light.mean(-1) + 1e-4).mean()), 1e-6) * 0.5
-    shown = [numpy.clip(scale * channels(p, "RGB"), 0, 1) ** (1 / 2.2) for p in (*pictures, true)]
-    share = channels(last, ["exactShare"])
+    shown = [numpy.clip(2 ** stops * channels(p, "RGB"), 0, 1) ** (1 / 2.2) for p in (*pictures, true)]
+    share = channels(pictures[-1], ["exactShare"])
     shown.append(numpy.repeat(numpy.clip(share, 0, 1), 3, -1))
     os.makedirs(options.pictures, exist_ok=True)
     Image.fromarray((255 * numpy.concatenate(shown, 1)).astype("uint8")).save(
@@ -180,7 +181,7 @@ def main():
     parser.add_argument("--only", default="caustics,glossy,media,lamps,foliage")
     parser.add_argument("--exact", default="auto")
     parser.add_argument("--seconds", default="1,4,16")
-    parser.add_argument("--truth", type=int, default=2048)
+    parser.add_argument("--truth", type=int, default=1024)
     parser.add_argument("--size", default="256x256")
     parser.add_argument("--out", default=os.path.join(ROOT, "build/hard"))
     parser.add_argument("--pictures")
@@ -190,22 +191,23 @@ def main():
     print("| scene | FLIP | relMSE | mean / truth | samples | exact share | the truth's own relMSE |\n" + "|---" * 7 + "|")
     for name in options.only.split(","):
         path, more = scene(name, options)
-        true, noise = truth(options, name, path, more)
+        true, clean, noise = truth(options, name, path, more)
         rows, pictures = [], []
         for seconds in options.seconds.split(","):
             out = os.path.join(options.out, f"{name}-{options.exact}-{seconds}s.exr")
             layers = ["--aov", "exactShare"] if options.exact == "auto" else []
             report = render(options, path, more, out, ["--exact", options.exact, "--time", seconds, *layers])
-            found = difference(options, out, true)
-            rows.append((found["flip"], found["relmse_trimmed"], found.get("mean_ratio"), report["samples"], report["exact_share"]))
+            found = {**difference(options, out, true), "flip": difference(options, out, clean)["flip"]}
+            rows.append((found["flip"], found["relmse_trimmed"], found["mean_ratio"], report["samples"], report["exact_share"]))
             pictures.append(out)
-            print(json.dumps({"scene": name, "seconds": float(seconds), **found, "samples": report["samples"],
+            print(json.dumps({"scene": name, "seconds": float(seconds), "flip": found["flip"], "relmse": found["relmse_trimmed"],
+                              "mean_ratio": found["mean_ratio"], "samples": report["samples"],
                               "exact_share": report["exact_share"], "denoiser": report.get("denoiser")}), file=sys.stderr)
         columns = [" ".join(form.format(r[i]) for r in rows) for i, form in
                    enumerate(("{:.3f}", "{:.4f}", "{:.3f}", "{}", "{:.2f}"))]
         print(f"| {name} | " + " | ".join(columns) + f" | {noise:.5f} |", flush=True)
         if options.pictures:
-            strip(options, name, pictures, true, pictures[-1])
+            strip(options, name, pictures, true, found["exposure_stops"])
 
 
 if __name__ == "__main__":

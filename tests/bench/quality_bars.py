@@ -16,6 +16,7 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(os.path.dirname(HERE))
 SHARED = os.environ.get("TREX_SHARED", os.path.join(os.path.dirname(ROOT), "shared"))
 ENV = {"classroom": "0.6,0.75,1.0", "living-room": "3,3.75,5"}
+BOUNCES = "16"  # as many as the references have
 SCENES = ["cornell", "veach-bidir", "veach-ajar", "staircase2", "classroom", "living-room", "sponza"]
 
 
@@ -38,7 +39,7 @@ class Runner:
     def render(self, scene, name, arguments, trex=None):
         out = os.path.join(self.options.out, f"{scene}-{name}.exr")
         command = [trex or self.options.trex, "render", os.path.join(SHARED, "scenes/interiors", scene + ".glb"),
-                   "-o", out, "--size", "256x256", "--json", "-q", *arguments, *self.options.rest]
+                   "-o", out, "--size", "256x256", "--max-bounces", BOUNCES, "--json", "-q", *arguments, *self.options.rest]
         if scene in ENV:
             command += ["--env", ENV[scene]]
         report = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)

@@ -41,7 +41,15 @@ TEST(ShareRule, ErrorHasItsLimits) {
 
 TEST(ShareRule, WithoutBiasPairsAreFew) {
   for (const double samples : {2.0, 64.0, 4096.0}) {
-    EXPECT_DOUBLE_EQ(chooseShares(std::vector{figures(0.0)}, samples)[0], kLeastShareOfPairs);
+    EXPECT_DOUBLE_EQ(chooseShares(std::vector{figures(0.0, 1.0, 4.0, 10.0)}, samples)[0],
+                     kLeastShareOfPairs);
+  }
+}
+
+TEST(ShareRule, BiasThatDoesNotShowYetGetsASmallPartOfTheRays) {
+  for (const double cost : {0.01, 0.1, 1.0}) {
+    const double share = chooseShares(std::vector{figures(0.0, 1.0, 4.0, cost)}, 16.0)[0];
+    EXPECT_DOUBLE_EQ(share, std::min(kPremium * 2.0 / cost, 1.0));
   }
 }
 
