@@ -108,8 +108,7 @@ std::vector<double> chooseShares(std::span<const ShareFigures> regions, double s
     if (!(error < least)) continue;
     least = error;
     for (std::size_t k = 0; k < regions.size(); ++k) {
-      shares[k] =
-          std::clamp((pairs[k] - regions[k].pairs) / more, leastShare(regions[k]), 1.0);
+      shares[k] = std::clamp((pairs[k] - regions[k].pairs) / more, leastShare(regions[k]), 1.0);
     }
   }
   return shares;
