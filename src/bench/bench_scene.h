@@ -18,7 +18,7 @@ struct BenchScene {
   std::string input;  ///< model file
   /// Picture file, or "auto": rendered by the exact mode, another seed.
   std::string reference = "auto";
-  std::string environment;  ///< as of `trex render --env`; empty: the scene's
+  std::string environment;                    ///< as of `trex render --env`; empty: the scene's
   std::optional<std::uint32_t> maxBounces{};  ///< instead of the file's
 };
 

@@ -2,13 +2,13 @@
 """Flicker: FLIP between neighbouring frames of a slow camera path, of guesses against exact pictures.
 
     tests/bench/flicker.py [MODEL.glb ...] [--trex build/trex] [--frames 20] [--seconds 1] [--exact 0,auto] [--truth 512]
-                           [--size 128x128] [--step 0.002] [--out build/flicker] [-- further options of trex render]
+                           [--size 128x128] [--step 0.002] [--out build/flicker] [--rest OPTION OF TREX RENDER ...]
 
-The camera of the file moves sideways, --step of its distance to the middle of what it sees a frame, looking on. Each frame is a render of its own of --seconds with
-the next seed, as photons and noise would be new. "Truth" is --truth exact samples, denoised by the library where it is there: without noise
-of its own, which would hide flicker. Without MODEL: cornell, staircase2, living-room of TREX_SHARED. Bar: 1.2 of the truth's.
+The camera of the file moves sideways, looking on, a frame by --step of the median distance of what it sees. Each frame is a
+render of --seconds with the same seed, as those of `trex render --path`. "Truth" is --truth exact samples, denoised by
+Open Image Denoise: noise of its own would hide flicker. Without MODEL: cornell, staircase2, living-room of TREX_SHARED. Bar: 1.2 of the truth's.
 """
-import argparse, json, os, statistics, struct, subprocess, sys
+import argparse, json, math, os, statistics, struct, subprocess
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(os.path.dirname(HERE))
@@ -18,7 +18,6 @@ ENV = {"classroom": "0.6,0.75,1.0", "living-room": "3,3.75,5"}
 
 def first_camera(path):
     """Eye, target, up and vertical field of view (degrees) of a .glb's first camera, which has no parents."""
-    import math
     with open(path, "rb") as file:
         head = file.read(20)
         doc = json.loads(file.read(struct.unpack("<I", head[12:16])[0]))
@@ -40,7 +39,7 @@ def path_of(options, model):
     eye, right, up, ahead, fov = first_camera(model)
     probe = os.path.join(options.out, "probe.exr")
     subprocess.run([options.trex, "render", model, "-o", probe, "--size", "16x16", "--spp", "1", "--device", "none", "-q",
-                    "--aov", "depth"], check=True)
+                    "--aov", "depth"], check=True, stdout=subprocess.DEVNULL)
     import numpy, OpenEXR
     depth = OpenEXR.File(probe, separate_channels=True).channels()["depth"].pixels.astype(float)
     step = options.step * float(numpy.median(depth[(depth > 0) & (depth < 1e8)]))
@@ -58,8 +57,9 @@ def frames(options, model, name, arguments):
     for i, camera in enumerate(options.cameras):
         out = os.path.join(options.out, f"{scene}-{name}-{i:02}.exr")
         if name != "truth" or not os.path.exists(out):
-            subprocess.run([options.trex, "render", model, "-o", out, "--size", options.size, "-q", "--camera=" + camera, "--seed", str(i),
-                            *(["--env", ENV[scene]] if scene in ENV else []), *arguments, *options.rest], check=True)
+            subprocess.run([options.trex, "render", model, "-o", out, "--size", options.size, "-q", "--camera=" + camera,
+                            *(["--env", ENV[scene]] if scene in ENV else []), *arguments, *options.rest], check=True,
+                           stdout=subprocess.DEVNULL)
         made.append(out)
     return made
 
@@ -87,7 +87,7 @@ def main():
     parser.add_argument("--size", default="128x128")
     parser.add_argument("--step", type=float, default=0.002)
     parser.add_argument("--out", default=os.path.join(ROOT, "build/flicker"))
-    parser.add_argument("--rest", nargs="*", default=[])
+    parser.add_argument("--rest", nargs=argparse.REMAINDER, default=[], help="options of trex render")
     options = parser.parse_args()
     models = options.models or [os.path.join(SHARED, "scenes/interiors", s + ".glb") for s in ("cornell", "staircase2", "living-room")]
     os.makedirs(options.out, exist_ok=True)
