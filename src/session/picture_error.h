@@ -17,7 +17,7 @@ namespace trex {
 ///   product of neighbours is the square of the filter's bias less N, as in Stein's unbiased risk
 ///   estimate. Detail within two pixels is not seen so: a constant stands for it;
 ///
-///   the bias that is left after the correction, and the correction's noise: DialCorrection.
+///   the bias that is left after the correction, and the correction's noise: MeasuredCorrection.
 ///
 /// Infinite while there are too few samples or pairs to tell. Takes as long as four runs of the
 /// filter.

@@ -52,36 +52,36 @@ void makeUp(std::vector<vec3>& lit, double missing, double doubt) {
 
 /// The filter of the difference to exact paths. each(value): of all pixels. What scatters no light
 /// has none: `scattering` is the share of each pixel's samples that may have some, not 0.
-/// `denoised` is the guess's light if it has been denoised by something that does not fade as
-/// samples grow: what it lacks of their mean is to be corrected too. Else it is empty. With a dial
-/// that is all, as DialCorrection knows the difference.
 template <typename Each>
 GuessFilter correctionOf(const FrameBuffers& frame, const Each& each,
-                         const std::vector<float>& scattering, const std::vector<vec3>& denoised) {
+                         const std::vector<float>& scattering) {
   using Pixel = std::uint32_t;
   const Accumulator& sums = frame.sums;
-  const FeatureImage& features = *frame.features;
   // A rare bright path makes both mean and variance of its pixel large; a pixel that has met none
   // knows too little of them. So no variance counts as less than that of all pixels together.
   const dvec3 pooled = sums.pooledDifferenceVariance();
-  auto difference = each([&](Pixel x, Pixel y) {
-    dvec3 all = frame.dial ? dvec3(0.0) : sums.difference(x, y).mean();
-    if (!denoised.empty()) {
-      all += dvec3(features.light(x, y) - denoised[std::size_t{y} * features.width() + x]);
-    }
-    return all;
-  });
+  auto difference = each([&](Pixel x, Pixel y) { return sums.difference(x, y).mean(); });
   auto spread = each([&](Pixel x, Pixel y) {
-    if (frame.dial) return sums.guess(x, y).varianceOfMean();
     const Moments d = sums.difference(x, y);
-    const dvec3 own = glm::max(d.varianceOfMean(), pooled / static_cast<double>(d.count()));
-    return denoised.empty() ? own : own + sums.guess(x, y).varianceOfMean();
+    return glm::max(d.varianceOfMean(), pooled / static_cast<double>(d.count()));
   });
   for (std::size_t i = 0; i < scattering.size(); ++i) {
     difference[i] /= scattering[i];
     spread[i] /= scattering[i] * scattering[i];
   }
-  return {features, difference, spread, true};
+  return {*frame.features, difference, spread, true};
+}
+
+/// What the guess's light lacks, denoised by something that does not fade as samples grow.
+NoisyPixels lostLight(const FrameBuffers& frame, const std::vector<vec3>& denoised) {
+  using Pixel = std::uint32_t;
+  const std::uint32_t width = frame.sums.width(), height = frame.sums.height();
+  return {collect(width, height, 1,
+                  [&](Pixel x, Pixel y) {
+                    return frame.features->light(x, y) - denoised[std::size_t{y} * width + x];
+                  }),
+          collect(width, height, 1,
+                  [&](Pixel x, Pixel y) { return frame.sums.guess(x, y).varianceOfMean(); })};
 }
 
 /// The features of the lattice's pixels; a pixel of it is `step` pixels wide.
@@ -244,10 +244,12 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
     }
   }
   const bool tells = frame.tiles.samplesDone() >= kSamplesThatTellTheRest;
-  const std::vector<vec3> denoised = tells ? lit_ : std::vector<vec3>();
-  if (frame.dial) dialled_.emplace(frame, scattering_);
-  if (frame.dial && denoised.empty()) return;
-  correction_.emplace(correctionOf(frame, each, scattering_, denoised));
+  if (frame.dial) {
+    dialled_.emplace(features, dialDifferences(frame), scattering_);
+  } else {
+    correction_.emplace(correctionOf(frame, each, scattering_));
+  }
+  if (tells && !lit_.empty()) lost_.emplace(features, lostLight(frame, lit_), scattering_);
 }
 
 /// What the guess of all pixels lacks, and its variance.
@@ -284,6 +286,16 @@ void ShownPicture::takeIn(std::size_t pixel, const vec3& part) {
   missing_ -= static_cast<double>(part.x + part.y + part.z);
 }
 
+bool ShownPicture::addMeasured(MeasuredCorrection& correction,
+                               const std::function<bool()>& keepGoing) {
+  if (!correction.advance(keepGoing)) return false;
+  std::vector<vec3> all = picture_;
+  for (std::size_t i = 0; i < all.size(); ++i) all[i] += lit_[i];
+  const std::vector<vec3> add = correction.take(all);
+  for (std::size_t i = 0; i < add.size(); ++i) takeIn(i, add[i]);
+  return true;
+}
+
 bool ShownPicture::advance(const std::function<bool()>& keepGoing) {
   if (guess_) {
     if (!guess_->advance(keepGoing)) return false;
@@ -299,13 +311,13 @@ bool ShownPicture::advance(const std::function<bool()>& keepGoing) {
   }
   if (keepGuess_ && guessLight_.empty()) guessLight_ = lit_;
   if (dialled_) {
-    if (!dialled_->advance(keepGoing)) return false;
-    std::vector<vec3> all = picture_;
-    for (std::size_t i = 0; i < all.size(); ++i) all[i] += lit_[i];
-    const std::vector<vec3> add = dialled_->take(all);
+    if (!addMeasured(*dialled_, keepGoing)) return false;
     biasLeft_ = dialled_->errorLeft();
-    for (std::size_t i = 0; i < add.size(); ++i) takeIn(i, add[i]);
     dialled_.reset();
+  }
+  if (lost_) {
+    if (!addMeasured(*lost_, keepGoing)) return false;
+    lost_.reset();
   }
   if (correction_) {
     if (!correction_->advance(keepGoing)) return false;

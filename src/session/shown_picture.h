@@ -9,8 +9,8 @@
 #include "src/frame/denoise.h"
 #include "src/frame/lattice_light.h"
 #include "src/session/denoiser.h"
-#include "src/session/dial_correction.h"
 #include "src/session/frame_buffers.h"
+#include "src/session/measured_correction.h"
 
 namespace trex {
 
@@ -44,7 +44,7 @@ class ShownPicture {
   bool advance(const std::function<bool()>& keepGoing);
   /// Once advance() is true: row by row, ceil(width / spacing) wide, or if spread the width.
   std::vector<vec3> take() { return std::move(picture_); }
-  /// Once advance() is true, of a frame with a dial: what DialCorrection::errorLeft() says;
+  /// Once advance() is true, of a frame with a dial: what MeasuredCorrection::errorLeft() says;
   /// negative if there are too few pairs to tell.
   double biasLeft() const { return biasLeft_; }
   /// The guess's denoised light, without correction.
@@ -55,6 +55,7 @@ class ShownPicture {
               const ShownOptions& options);
   void addMissing(const FrameBuffers& frame);
   void takeIn(std::size_t pixel, const vec3& part);
+  bool addMeasured(MeasuredCorrection& correction, const std::function<bool()>& keepGoing);
 
   std::vector<vec3> picture_;  ///< until done, what is not filtered
   std::vector<vec3> lit_;      ///< what is filtered
@@ -69,7 +70,8 @@ class ShownPicture {
   std::optional<LatticeLight> spread_;
   const FeatureImage* all_ = nullptr;  ///< what spread_ is for
   std::uint32_t step_ = 1;
-  std::optional<DialCorrection> dialled_;
+  std::optional<MeasuredCorrection> dialled_;
+  std::optional<MeasuredCorrection> lost_;  ///< what the guess's denoiser took too much
 };
 
 }  // namespace trex

@@ -11,7 +11,7 @@
 #include <random>
 
 #include "src/session/checkpoint.h"
-#include "src/session/dial_correction.h"
+#include "src/session/measured_correction.h"
 #include "src/session/picture_error.h"
 #include "src/session/session.h"
 #include "tests/unit/scenes.h"
@@ -265,7 +265,8 @@ struct Corrected {
 };
 
 Corrected correct(const FrameBuffers& frame) {
-  DialCorrection correction(frame, std::vector<float>(kSide * kSide, 1.0f));
+  MeasuredCorrection correction(*frame.features, dialDifferences(frame),
+                                std::vector<float>(kSide * kSide, 1.0f));
   EXPECT_TRUE(correction.advance([] { return true; }));
   Corrected out;
   for (const vec3& v : correction.take(std::vector<vec3>(kSide * kSide, vec3(1.0f)))) {
@@ -277,19 +278,19 @@ Corrected correct(const FrameBuffers& frame) {
   return out;
 }
 
-TEST(DialCorrection, FindsABiasInNoise) {
+TEST(MeasuredCorrection, FindsABiasInNoise) {
   const Corrected found = correct(*frameOf(0.3, 0.5));
   EXPECT_NEAR(found.mean, -0.3, 0.04);
   EXPECT_LT(found.left, 0.005);
 }
 
-TEST(DialCorrection, LeavesNoTraceOfNoise) {
+TEST(MeasuredCorrection, LeavesNoTraceOfNoise) {
   for (const double noise : {0.3, 1.0, 5.0}) {
     EXPECT_LT(correct(*frameOf(0.0, noise)).square, 1e-4 * noise * noise) << noise;
   }
 }
 
-TEST(DialCorrection, SaysWhatItLeaves) {
+TEST(MeasuredCorrection, SaysWhatItLeaves) {
   // So noisy that little can be corrected, and so large that it still is known.
   const Corrected found = correct(*frameOf(0.3, 6.0));
   const double true_ = (found.mean + 0.3) * (found.mean + 0.3) / 1.01;

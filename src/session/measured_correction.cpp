@@ -1,4 +1,4 @@
-#include "src/session/dial_correction.h"
+#include "src/session/measured_correction.h"
 
 #include <algorithm>
 #include <cmath>
@@ -45,7 +45,7 @@ std::vector<vec3> relativeWeights(const std::vector<vec3>& picture) {
 }
 
 /// Sums of a cell, and the weight that follows.
-struct DialCorrection::Weights {
+struct MeasuredCorrection::Weights {
   struct Cell {
     double shared = 0.0, doubt = 0.0, square = 0.0;
     void add(const Cell& o) {
@@ -105,18 +105,23 @@ struct DialCorrection::Weights {
   }
 };
 
-DialCorrection::DialCorrection(const FrameBuffers& frame, const std::vector<float>& scattering)
-    : width_(frame.sums.width()), height_(frame.sums.height()), scattering_(scattering) {
-  gather(frame);
-  for (std::uint32_t half = 0; half < 2; ++half) filters_.push_back(filterOf(frame, half));
+MeasuredCorrection::MeasuredCorrection(const FeatureImage& features, NoisyPixels noisy,
+                                       const std::vector<float>& scattering)
+    : width_(features.width()),
+      height_(features.height()),
+      scattering_(scattering),
+      raw_(std::move(noisy.mean)),
+      variance_(std::move(noisy.variance)) {
+  for (std::uint32_t half = 0; half < 2; ++half) filters_.push_back(filterOf(features, half));
 }
 
-/// Mean differences, and their variances. In a tile where pixels lack pairs sums are divided by how
-/// many a pixel has there on average: unbiased, however few they are.
-void DialCorrection::gather(const FrameBuffers& frame) {
+/// In a tile where pixels lack pairs sums are divided by how many a pixel has there on average:
+/// unbiased, however few they are.
+NoisyPixels dialDifferences(const FrameBuffers& frame) {
   const Accumulator& sums = frame.sums;
-  raw_.resize(std::size_t{width_} * height_);
-  variance_.resize(raw_.size());
+  NoisyPixels out;
+  out.mean.resize(std::size_t{sums.width()} * sums.height());
+  out.variance.resize(out.mean.size());
   const dvec3 pooled = pooledSquare(sums);
   for (const Tile& area : frame.tiles.tiles()) {
     std::uint64_t all = 0, fewest = ~std::uint64_t{0};
@@ -136,15 +141,16 @@ void DialCorrection::gather(const FrameBuffers& frame) {
       const Moments d = sums.difference(x, y);
       const double n = static_cast<double>(d.count()), count = few ? mean : n;
       const dvec3 one = few ? pooled : glm::max(d.varianceOfMean() * n, pooled);
-      const std::size_t i = std::size_t{y} * width_ + x;
-      raw_[i] = vec3(d.mean() * (n / count));
-      variance_[i] = vec3(one / count);
+      const std::size_t i = std::size_t{y} * sums.width() + x;
+      out.mean[i] = vec3(d.mean() * (n / count));
+      out.variance[i] = vec3(one / count);
     });
   }
+  return out;
 }
 
 /// The filter of the pixels of one half; the others are the mean of those around them.
-GuessFilter DialCorrection::filterOf(const FrameBuffers& frame, std::uint32_t half) const {
+GuessFilter MeasuredCorrection::filterOf(const FeatureImage& features, std::uint32_t half) const {
   std::vector<vec3> difference = raw_, spread = variance_;
   for (std::uint32_t y = 0; y < height_; ++y) {
     for (std::uint32_t x = 0; x < width_; ++x) {
@@ -170,10 +176,10 @@ GuessFilter DialCorrection::filterOf(const FrameBuffers& frame, std::uint32_t ha
       spread[i] /= scattering_[i] * scattering_[i];
     }
   }
-  return {*frame.features, difference, spread, true};
+  return {features, difference, spread, true};
 }
 
-bool DialCorrection::advance(const std::function<bool()>& keepGoing) {
+bool MeasuredCorrection::advance(const std::function<bool()>& keepGoing) {
   for (int h = 0; h < 2; ++h) {
     if (!filtered_[h].empty()) continue;
     if (!filters_[static_cast<std::size_t>(h)].advance(keepGoing)) return false;
@@ -183,7 +189,7 @@ bool DialCorrection::advance(const std::function<bool()>& keepGoing) {
   return true;
 }
 
-DialCorrection::Weights DialCorrection::measure(const std::vector<vec3>& weigh) const {
+MeasuredCorrection::Weights MeasuredCorrection::measure(const std::vector<vec3>& weigh) const {
   Weights weights(width_, height_);
   for (std::uint32_t y = 0; y < height_; ++y) {
     for (std::uint32_t x = 0; x < width_; ++x) {
@@ -199,7 +205,7 @@ DialCorrection::Weights DialCorrection::measure(const std::vector<vec3>& weigh) 
 
 /// Sum of the squares of the guess's bias, even in blocks of some size: of the products of
 /// different pixels.
-BiasFigures DialCorrection::biasOf(const std::vector<vec3>& weigh, std::uint32_t size) const {
+BiasFigures MeasuredCorrection::biasOf(const std::vector<vec3>& weigh, std::uint32_t size) const {
   double bias = 0.0, doubt = 0.0;
   for (std::uint32_t top = 0; top < height_; top += size) {
     for (std::uint32_t left = 0; left < width_; left += size) {
@@ -224,7 +230,7 @@ BiasFigures DialCorrection::biasOf(const std::vector<vec3>& weigh, std::uint32_t
   return {bias, std::sqrt(doubt)};
 }
 
-std::vector<vec3> DialCorrection::take(const std::vector<vec3>& picture) {
+std::vector<vec3> MeasuredCorrection::take(const std::vector<vec3>& picture) {
   const std::vector<vec3> weigh = relativeWeights(picture);
   const Weights weights = measure(weigh);
   std::vector<vec3> out(picture.size());

@@ -1,7 +1,8 @@
-// What exact paths add to the picture of a guess, with `--exact auto`: denoised, and as much of it
-// as is true.
+// What a noisy picture of corrections adds to another: denoised, and as much of it as is true. Of
+// `--exact auto` what exact paths add to the guess; of a denoiser that does not fade as samples
+// grow, what it took too much.
 //
-// The pixels are parted in two halves like the fields of a chessboard, and the differences of each
+// The pixels are parted in two halves like the fields of a chessboard, and the corrections of each
 // half are filtered. What a filtered half shares with the pixels of the other is bias; what it does
 // not share is noise, of paths or of the filter's making. So the sum of their products over a
 // region, divided by the sum of the filtered half's squares, is the share of it that lowers the
@@ -19,14 +20,23 @@
 
 namespace trex {
 
+/// Pixels row by row: means, and the variances of these means.
+struct NoisyPixels {
+  std::vector<vec3> mean, variance;
+};
+
+/// The differences between exact paths and guess of a frame with a dial.
+NoisyPixels dialDifferences(const FrameBuffers& frame);
+
 /// What the square of an error at each value of a picture weighs in relMSE.
 std::vector<vec3> relativeWeights(const std::vector<vec3>& picture);
 
-/// One correction under way, of the frame as it was when this was made. One thread at a time.
-class DialCorrection {
+/// One correction under way, of the features as they were when this was made. One thread at a time.
+class MeasuredCorrection {
  public:
-  /// `frame` has a dial; `scattering`: FeatureImage::scattering() of each pixel, 1 where that is 0.
-  DialCorrection(const FrameBuffers& frame, const std::vector<float>& scattering);
+  /// `scattering`: FeatureImage::scattering() of each pixel, 1 where that is 0.
+  MeasuredCorrection(const FeatureImage& features, NoisyPixels noisy,
+                     const std::vector<float>& scattering);
   /// Works until done or keepGoing() says no; true once done.
   bool advance(const std::function<bool()>& keepGoing);
   /// Once done: the correction of a picture, which decides what an error weighs.
@@ -36,14 +46,14 @@ class DialCorrection {
 
  private:
   struct Weights;
-  void gather(const FrameBuffers& frame);
-  GuessFilter filterOf(const FrameBuffers& frame, std::uint32_t half) const;
+  GuessFilter filterOf(const FeatureImage& features, std::uint32_t half) const;
   Weights measure(const std::vector<vec3>& weigh) const;
   BiasFigures biasOf(const std::vector<vec3>& weigh, std::uint32_t size) const;
 
   std::uint32_t width_, height_;
   std::vector<float> scattering_;
-  std::vector<vec3> raw_, variance_, filtered_[2];
+  std::vector<vec3> raw_, variance_;
+  std::vector<vec3> filtered_[2];
   std::vector<GuessFilter> filters_;
   double errorLeft_ = 0.0;
 };
