@@ -61,25 +61,6 @@ std::vector<NonFiniteSample> Accumulator::nonFiniteSamples() const {
   return nonFinite_;
 }
 
-dvec3 Accumulator::pooledDifferenceVariance() const {
-  dvec3 sum(0.0);
-  double known = 0.0;
-  for (const DifferenceMoments& moments : difference_) {
-    const Moments& d = moments.difference();
-    if (d.count() < 2) continue;
-    sum += d.varianceOfMean() * static_cast<double>(d.count());
-    known += 1.0;
-  }
-  return known > 0.0 ? sum / known : sum;
-}
-
-std::uint64_t Accumulator::fewestPairs() const {
-  if (difference_.empty()) return 0;
-  std::uint64_t fewest = ~std::uint64_t{0};
-  for (const DifferenceMoments& d : difference_) fewest = std::min(fewest, d.difference().count());
-  return fewest;
-}
-
 /// Mean of the pixels around one, itself where it has none.
 dvec3 Accumulator::neighbourMean(std::uint32_t x, std::uint32_t y) const {
   dvec3 sum(0.0);

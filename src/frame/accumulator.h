@@ -49,10 +49,6 @@ class Accumulator {
   Moments difference(std::uint32_t x, std::uint32_t y) const {
     return difference_.empty() ? Moments{} : difference_[index(x, y)].difference();
   }
-  /// Mean over the pixels with two pairs or more of the variance of one difference.
-  dvec3 pooledDifferenceVariance() const;
-  /// Pairs of the pixel that has fewest.
-  std::uint64_t fewestPairs() const;
   std::uint64_t samples(std::uint32_t x, std::uint32_t y) const;
   std::uint64_t pairs(std::uint32_t x, std::uint32_t y) const;
 

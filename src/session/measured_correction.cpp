@@ -117,7 +117,7 @@ MeasuredCorrection::MeasuredCorrection(const FeatureImage& features, NoisyPixels
 
 /// In a tile where pixels lack pairs sums are divided by how many a pixel has there on average:
 /// unbiased, however few they are.
-NoisyPixels dialDifferences(const FrameBuffers& frame) {
+NoisyPixels exactDifferences(const FrameBuffers& frame) {
   const Accumulator& sums = frame.sums;
   NoisyPixels out;
   out.mean.resize(std::size_t{sums.width()} * sums.height());

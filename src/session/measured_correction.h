@@ -1,6 +1,6 @@
-// What a noisy picture of corrections adds to another: denoised, and as much of it as is true. Of
-// `--exact auto` what exact paths add to the guess; of a denoiser that does not fade as samples
-// grow, what it took too much.
+// What a noisy picture of corrections adds to another: denoised, and as much of it as is true. What
+// exact paths add to the guess; and what a denoiser that does not fade as samples grow took too
+// much of it.
 //
 // The pixels are parted in two halves like the fields of a chessboard, and the corrections of each
 // half are filtered. What a filtered half shares with the pixels of the other is bias; what it does
@@ -25,8 +25,8 @@ struct NoisyPixels {
   std::vector<vec3> mean, variance;
 };
 
-/// The differences between exact paths and guess of a frame with a dial.
-NoisyPixels dialDifferences(const FrameBuffers& frame);
+/// The differences between exact paths and guess.
+NoisyPixels exactDifferences(const FrameBuffers& frame);
 
 /// What the square of an error at each value of a picture weighs in relMSE.
 std::vector<vec3> relativeWeights(const std::vector<vec3>& picture);

@@ -10,14 +10,13 @@
 namespace trex {
 namespace {
 
-constexpr std::uint64_t kPairsThatTell = 2;  // a pixel, from which on there is a variance
 /// Of a pixel, from which on their own spread tells enough of their variance.
 constexpr std::uint64_t kSamplesThatTell = 4;
 /// Pixels wide, of the lattice that light is filtered on before that: one of it has four times as
 /// many samples, which tell its noise from its light.
 constexpr std::uint32_t kLeastLattice = 2;
-/// Mean of the pixels, from which on a dial's correction is looked for.
-constexpr double kPairsOfADial = 0.5;
+/// Mean of the pixels, from which on a correction is looked for.
+constexpr double kPairsThatTell = 0.5;
 /// Likewise, well enough to tell what a denoiser that does not know them has lost.
 constexpr std::uint64_t kSamplesThatTellTheRest = 16;
 
@@ -50,26 +49,14 @@ void makeUp(std::vector<vec3>& lit, double missing, double doubt) {
   for (vec3& v : lit) v *= scale;
 }
 
-/// The filter of the difference to exact paths. each(value): of all pixels. What scatters no light
-/// has none: `scattering` is the share of each pixel's samples that may have some, not 0.
-template <typename Each>
-GuessFilter correctionOf(const FrameBuffers& frame, const Each& each,
-                         const std::vector<float>& scattering) {
-  using Pixel = std::uint32_t;
-  const Accumulator& sums = frame.sums;
-  // A rare bright path makes both mean and variance of its pixel large; a pixel that has met none
-  // knows too little of them. So no variance counts as less than that of all pixels together.
-  const dvec3 pooled = sums.pooledDifferenceVariance();
-  auto difference = each([&](Pixel x, Pixel y) { return sums.difference(x, y).mean(); });
-  auto spread = each([&](Pixel x, Pixel y) {
-    const Moments d = sums.difference(x, y);
-    return glm::max(d.varianceOfMean(), pooled / static_cast<double>(d.count()));
-  });
-  for (std::size_t i = 0; i < scattering.size(); ++i) {
-    difference[i] /= scattering[i];
-    spread[i] /= scattering[i] * scattering[i];
+/// Pairs of a pixel, on average.
+double meanPairs(const FrameBuffers& frame) {
+  const std::uint32_t width = frame.sums.width(), height = frame.sums.height();
+  std::uint64_t all = 0;
+  for (std::uint32_t y = 0; y < height; ++y) {
+    for (std::uint32_t x = 0; x < width; ++x) all += frame.sums.pairs(x, y);
   }
-  return {*frame.features, difference, spread, true};
+  return static_cast<double>(all) / (double{1} * width * height);
 }
 
 /// What the guess's light lacks, denoised by something that does not fade as samples grow.
@@ -234,9 +221,7 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
   }
   if (!options.pairs) return;
   addMissing(frame);
-  if (frame.dial ? frame.dial->meanPairs() < kPairsOfADial : sums.fewestPairs() < kPairsThatTell) {
-    return;
-  }
+  if (meanPairs(frame) < kPairsThatTell) return;
   for (Pixel y = 0; y < height; ++y) {
     for (Pixel x = 0; x < width; ++x) {
       const float share = features.scattering(x, y);
@@ -244,11 +229,7 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
     }
   }
   const bool tells = frame.tiles.samplesDone() >= kSamplesThatTellTheRest;
-  if (frame.dial) {
-    dialled_.emplace(features, dialDifferences(frame), scattering_);
-  } else {
-    correction_.emplace(correctionOf(frame, each, scattering_));
-  }
+  correction_.emplace(features, exactDifferences(frame), scattering_);
   if (tells && !lit_.empty()) lost_.emplace(features, lostLight(frame, lit_), scattering_);
 }
 
@@ -261,10 +242,6 @@ void ShownPicture::addMissing(const FrameBuffers& frame) {
       for (std::uint32_t x = tile.x; x < tile.x + tile.width; ++x) {
         const Moments d = sums.difference(x, y);
         const dvec3 m = d.mean();
-        if (!frame.dial) {
-          missing_ += m.x + m.y + m.z;
-          continue;
-        }
         const auto n = static_cast<double>(d.count());
         const double one = m.x + m.y + m.z;
         const dvec3 square = d.squares();
@@ -310,20 +287,14 @@ bool ShownPicture::advance(const std::function<bool()>& keepGoing) {
     thin_.reset();
   }
   if (keepGuess_ && guessLight_.empty()) guessLight_ = lit_;
-  if (dialled_) {
-    if (!addMeasured(*dialled_, keepGoing)) return false;
-    biasLeft_ = dialled_->errorLeft();
-    dialled_.reset();
+  if (correction_) {
+    if (!addMeasured(*correction_, keepGoing)) return false;
+    biasLeft_ = correction_->errorLeft();
+    correction_.reset();
   }
   if (lost_) {
     if (!addMeasured(*lost_, keepGoing)) return false;
     lost_.reset();
-  }
-  if (correction_) {
-    if (!correction_->advance(keepGoing)) return false;
-    const auto add = correction_->result();
-    for (std::size_t i = 0; i < add.size(); ++i) takeIn(i, add[i] * scattering_[i]);
-    correction_.reset();
   }
   if (missing_ != 0.0) makeUp(lit_, missing_, doubt_);
   missing_ = 0.0;

@@ -44,7 +44,7 @@ class ShownPicture {
   bool advance(const std::function<bool()>& keepGoing);
   /// Once advance() is true: row by row, ceil(width / spacing) wide, or if spread the width.
   std::vector<vec3> take() { return std::move(picture_); }
-  /// Once advance() is true, of a frame with a dial: what MeasuredCorrection::errorLeft() says;
+  /// Once advance() is true: what MeasuredCorrection::errorLeft() says;
   /// negative if there are too few pairs to tell.
   double biasLeft() const { return biasLeft_; }
   /// The guess's denoised light, without correction.
@@ -60,18 +60,18 @@ class ShownPicture {
   std::vector<vec3> picture_;  ///< until done, what is not filtered
   std::vector<vec3> lit_;      ///< what is filtered
   double missing_ = 0.0;       ///< sum of the differences to exact paths that lit_ is without
-  double doubt_ = 0.0;         ///< with a dial: its variance
+  double doubt_ = 0.0;         ///< its variance
   double biasLeft_ = -1.0;
   bool keepGuess_ = false;
   std::vector<vec3> guessLight_;
   std::vector<float> scattering_;  ///< shares of the pixels that the correction is of
-  std::optional<GuessFilter> guess_, correction_;
+  std::optional<GuessFilter> guess_;
   std::optional<FeatureImage> thin_;  ///< of the lattice whose light is spread
   std::optional<LatticeLight> spread_;
   const FeatureImage* all_ = nullptr;  ///< what spread_ is for
   std::uint32_t step_ = 1;
-  std::optional<MeasuredCorrection> dialled_;
-  std::optional<MeasuredCorrection> lost_;  ///< what the guess's denoiser took too much
+  std::optional<MeasuredCorrection> correction_;  ///< what exact paths add
+  std::optional<MeasuredCorrection> lost_;        ///< what the guess's denoiser took too much
 };
 
 }  // namespace trex

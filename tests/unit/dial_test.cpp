@@ -265,7 +265,7 @@ struct Corrected {
 };
 
 Corrected correct(const FrameBuffers& frame) {
-  MeasuredCorrection correction(*frame.features, dialDifferences(frame),
+  MeasuredCorrection correction(*frame.features, exactDifferences(frame),
                                 std::vector<float>(kSide * kSide, 1.0f));
   EXPECT_TRUE(correction.advance([] { return true; }));
   Corrected out;
