@@ -30,6 +30,7 @@ struct WaitingRay {
   bool more = true;         ///< there may be groups behind `done`
   bool answered = false;    ///< the answer is known
   bool blocked = false;     ///< of occludedHere(): something is there
+  bool passed = false;      ///< of that: something that lets light pass was met (not if blocked)
 
   bool hit() const { return best.cluster != hccm::Hit::kNothing; }
   /// The page that it waits for.

@@ -10,18 +10,18 @@
 
 namespace trex {
 
-TrafficRecord::TrafficRecord(unsigned tracing, unsigned loading) : tracing_(tracing) {
+TrafficRecord::TrafficRecord(unsigned tracing, unsigned reading) : tracing_(tracing) {
   graph_.memories = {{"disk"}, {"memory"}};
   const auto addChannel = [&](const std::string& name) {
     graph_.channels.push_back({name, 1.0, 0.0, {{0, 1}}});
   };
   for (unsigned i = 0; i < tracing; ++i) {
     graph_.devices.push_back({fmt::format("thread {}", i), 1, 1});
-    addChannel(fmt::format("loads, thread {}", i));
+    addChannel(fmt::format("unpacks, thread {}", i));
   }
-  for (unsigned i = 0; i < loading; ++i) addChannel(fmt::format("loads ahead {}", i));
+  for (unsigned i = 0; i < reading; ++i) addChannel(fmt::format("reads {}", i));
   graph_.devices.push_back({"planned", 1, 1});
-  addChannel("planned loads");
+  addChannel("planned reads");
 }
 
 void TrafficRecord::traced(unsigned thread, std::uint32_t page, double start, double end) {
@@ -30,10 +30,18 @@ void TrafficRecord::traced(unsigned thread, std::uint32_t page, double start, do
   happened_.runs.push_back({page, thread, start, end, {}});
 }
 
-void TrafficRecord::loaded(unsigned thread, std::uint32_t page, double start, double end) {
+void TrafficRecord::unpacked(unsigned thread, std::uint32_t page, double start, double end) {
+  fetched(thread, page, start, end);
+}
+
+void TrafficRecord::read(unsigned reader, std::uint32_t page, double start, double end) {
+  fetched(tracing_ + reader, page, start, end);
+}
+
+void TrafficRecord::fetched(std::uint32_t channel, std::uint32_t page, double start, double end) {
   const std::lock_guard lock(mutex_);
   if (happened_.fetches.size() >= kMostEvents) return;
-  happened_.fetches.push_back({page, thread, 0, 1, start, end, {}});
+  happened_.fetches.push_back({page, channel, 0, 1, start, end, {}});
 }
 
 void TrafficRecord::planned(const schedule::Schedule& plan,

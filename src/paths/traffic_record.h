@@ -10,20 +10,22 @@
 
 namespace trex {
 
-/// Rows: each thread that traces, what it loads by itself and what the loading threads load, and
-/// likewise what the plans said. Thread safe.
+/// Rows: each thread that traces, what it unpacks and what the reading threads read, and likewise
+/// what the plans said. Thread safe.
 class TrafficRecord {
  public:
   /// Later events are left out.
   static constexpr std::size_t kMostEvents = 1u << 20;
 
-  TrafficRecord(unsigned tracing, unsigned loading);
+  TrafficRecord(unsigned tracing, unsigned reading);
 
   /// A thread has traced rays of a page (LoadChoice::kBegin: has begun paths). Seconds as
   /// secondsNow().
   void traced(unsigned thread, std::uint32_t page, double start, double end);
-  /// A thread has brought a page; loading threads count on behind those that trace.
-  void loaded(unsigned thread, std::uint32_t page, double start, double end);
+  /// It has unpacked a page.
+  void unpacked(unsigned thread, std::uint32_t page, double start, double end);
+  /// A reading thread has read one.
+  void read(unsigned reader, std::uint32_t page, double start, double end);
   /// `pageOf`: of items and of jobs.
   void planned(const schedule::Schedule& plan,
                const std::function<std::uint32_t(std::uint32_t)>& pageOfItem,
@@ -35,6 +37,7 @@ class TrafficRecord {
   std::string svg(const std::string& title) const;
 
  private:
+  void fetched(std::uint32_t channel, std::uint32_t page, double start, double end);
   schedule::Schedule fromStart() const;
 
   mutable std::mutex mutex_;

@@ -148,13 +148,13 @@ void rateTile(FrameBuffers& frame, std::uint32_t tile) {
 
 }  // namespace
 
-std::size_t pathsThatWait(std::uint64_t bytes) {
-  return static_cast<std::size_t>(bytes / memoryOfPaths(1));
+std::size_t pathsThatWait(const Scene& scene, std::uint64_t bytes) {
+  return static_cast<std::size_t>(bytes / memoryOfPaths(scene, 1));
 }
 
-std::uint64_t memoryOfPaths(std::uint64_t paths) {
-  return paths *
-         (BatchedTracer::bytesAPath() + sizeof(PathJob) + sizeof(PathSample) + sizeof(RayCounts));
+std::uint64_t memoryOfPaths(const Scene& scene, std::uint64_t paths) {
+  return paths * (BatchedTracer::bytesAPath(scene) + sizeof(PathJob) + sizeof(PathSample) +
+                  sizeof(RayCounts));
 }
 
 void SampleTaker::take(FrameBuffers& frame, const SampleSource& source, VoxelLight& light,

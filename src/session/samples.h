@@ -29,20 +29,20 @@ struct SampleSource {
 
 struct SampleBatch;
 
-/// Paths that may wait for pages at once in so many bytes, their samples included.
-std::size_t pathsThatWait(std::uint64_t bytes);
+/// Paths of a scene that may wait for pages at once in so many bytes, their samples included.
+std::size_t pathsThatWait(const Scene& scene, std::uint64_t bytes);
 /// Bytes that make room for so many of them.
-std::uint64_t memoryOfPaths(std::uint64_t paths);
+std::uint64_t memoryOfPaths(const Scene& scene, std::uint64_t paths);
 
 /// One thread at a time; each call uses all of the calling oneTBB arena.
 class SampleTaker {
  public:
-  explicit SampleTaker(const RenderSettings& settings)
+  SampleTaker(const Scene& scene, const RenderSettings& settings)
       : interactive_(settings.interactive),
         seed_(settings.seed),
         exact_(settings.exact),
         limit_(settings.seconds),
-        mostWaiting_(pathsThatWait(settings.rayMemory)) {
+        mostWaiting_(pathsThatWait(scene, settings.rayMemory)) {
     waiting_ = limit_ > 0.0 ? 0 : mostWaiting_;
   }
 

@@ -208,6 +208,7 @@ class Session {
   SampleSource source(const LightCache* cache, CausticMaps* caustics);
   std::uint32_t samplesAtOnce() const;
   void restartFrames();
+  bool inPages() const { return model_->rays->parts().paged != nullptr; }
   std::uint64_t pixels() const { return std::uint64_t{settings_.width} * settings_.height; }
   std::vector<std::span<std::byte>> sums();
   std::vector<vec3> shown();

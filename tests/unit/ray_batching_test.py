@@ -139,7 +139,7 @@ class RayBatching(ProgramTest):
             if e["ph"] == "X":
                 spans.setdefault(rows[e["tid"]], []).append((e["ts"], e["ts"] + e["dur"]))
         self.assertIn("planned", spans)
-        self.assertIn("planned loads", spans)
+        self.assertIn("planned reads", spans)
         self.assertIn("thread 0", spans)
         for row, times in spans.items():
             if row.startswith("planned"):
