@@ -28,8 +28,8 @@ class LoadChoice {
   /// Paths that begin come from here.
   static constexpr std::uint32_t kBegin = 0xffffffffu;
 
-  /// `predict`: rays that are expected count, too; else those alone that wait, and what was used
-  /// longest ago goes first. The table outlives it.
+  /// `predict`: rays that are expected count, too; else those alone that wait, what was used
+  /// longest ago goes first, and nothing is read ahead. The table outlives it.
   explicit LoadChoice(const hccm::PageTable& table, bool predict = true);
 
   /// A set of paths begins. `record` (may be null) takes down what is planned.
@@ -61,6 +61,10 @@ class LoadChoice {
   std::uint64_t bytesOf(std::uint32_t page) const {
     return hccm::PageCache::bytesOf(table_.pages[page]);
   }
+  /// Whether pages had better be read before a thread needs them: a read takes long, as most of
+  /// them lately did. Not without prediction.
+  bool readsAhead() const { return predict_ && readSeconds_ > kSlow; }
+  double readSeconds() const { return readSeconds_; }
   std::uint32_t packedBytesOf(std::uint32_t page) const { return table_.pages[page].packedBytes; }
 
  private:
@@ -70,6 +74,7 @@ class LoadChoice {
   static constexpr std::uint32_t kBlocks = 128;   ///< at most
   static constexpr std::size_t kSamples = 128;    ///< that times are fitted to
 
+  static constexpr double kSlow = 4e-5;       ///< seconds of a read; from memory it takes 1e-5
   static constexpr double kLeastAhead = 1.0;  ///< rays that make a page worth reading ahead
 
   struct Page {
@@ -104,6 +109,7 @@ class LoadChoice {
   std::vector<std::uint32_t> ahead_;   ///< likewise
   std::vector<std::uint32_t> going_;   ///< likewise
   std::uint64_t toBegin_ = 0;
+  double readSeconds_ = 1e-5;  ///< half of the reads take longer
   std::vector<schedule::TimingSample> traced_, unpacked_, brought_;
   std::size_t tracedNext_ = 0, unpackedNext_ = 0, broughtNext_ = 0;
   schedule::Graph graph_;

@@ -100,7 +100,7 @@ bool PageTraffic::next(PageWork& work, unsigned thread) {
   std::unique_lock lock(mutex_);
   while (left_ > 0 && !stop_) {
     if (takeReady(work)) return true;
-    if (unpackOne(lock, thread) || announceHere()) continue;
+    if (unpackOne(lock, thread) || announceHere() || readHere(lock, thread)) continue;
     disk_.notify_one();
     const double start = secondsNow();
     ++idle_;
@@ -186,11 +186,13 @@ bool PageTraffic::unpackOne(std::unique_lock<std::mutex>& lock, unsigned thread)
     failed = std::current_exception();
   }
   const double end = secondsNow();
-  if (record_ != nullptr) record_->unpacked(thread, page, start, end);
+  if (record_ != nullptr) record_->loaded(thread, page, start, end);
   lock.lock();
   unpackingBytes_ -= bytes;
   packedBytes_ -= packed.bytes.size();
   choice_.loaded(page, end - start);
+  interval_ += 0.1 * (std::clamp(end - unpacked_, 1e-6, 1.0) - interval_);
+  unpacked_ = end;
   report_.unpacking += end - start;
   ++report_.loads;
   report_.readAhead += packed.ahead;
@@ -231,8 +233,18 @@ bool PageTraffic::fits(std::uint64_t bytes) {
   return true;
 }
 
+/// Pages that are read and not yet unpacked, as many as will be needed while the next is read: what
+/// is chosen later is chosen better.
+std::size_t PageTraffic::depth() const {
+  if (next_ < paths_) return packed_.size() + reading_ + 1;  // there is time
+  return 2 * readers_.size() + static_cast<std::size_t>(kAhead * choice_.readSeconds() / interval_);
+}
+
 /// What to read now. The lock is held.
-std::optional<PageTraffic::Packed> PageTraffic::toRead() {
+std::optional<PageTraffic::Packed> PageTraffic::toRead(bool mayBeAhead) {
+  std::size_t wanted = reading_;
+  for (const Packed& p : packed_) wanted += queues_.waiting(p.page) > 0;
+  if (wanted >= depth()) return {};
   choice_.toBegin(paths_ - next_);
   if (!wanted_) wanted_ = choice_.next();
   if (wanted_) {
@@ -244,14 +256,16 @@ std::optional<PageTraffic::Packed> PageTraffic::toRead() {
     return Packed{page, false, {}};
   }
   // What nobody waits for yet drives nothing out.
-  if (packedBytes_ + largest_ > packedLimit_) return {};
+  if (!mayBeAhead || packedBytes_ + largest_ > packedLimit_) return {};
   const std::optional<std::uint32_t> page = choice_.ahead();
   if (!page) return {};
   packedBytes_ += choice_.packedBytesOf(*page);
   return Packed{*page, true, {}};
 }
 
-void PageTraffic::readOne(std::unique_lock<std::mutex>& lock, unsigned reader, Packed packed) {
+/// The lock is held, but not meanwhile. Seconds that it took.
+PageTraffic::Span PageTraffic::readOne(std::unique_lock<std::mutex>& lock, Packed packed) {
+  ++reading_;
   lock.unlock();
   const double start = secondsNow();
   std::exception_ptr failed;
@@ -261,22 +275,42 @@ void PageTraffic::readOne(std::unique_lock<std::mutex>& lock, unsigned reader, P
     failed = std::current_exception();
   }
   const double end = secondsNow();
-  if (record_ != nullptr) record_->read(reader, packed.page, start, end);
   lock.lock();
+  --reading_;
   choice_.read(packed.page, end - start);
   report_.reading += end - start;
-  if (failed) return failLocked(std::move(failed));
-  packed_.push_back(std::move(packed));
-  if (idle_ > 0) work_.notify_one();
+  if (failed) {
+    failLocked(std::move(failed));
+  } else {
+    packed_.push_back(std::move(packed));
+    if (idle_ > 0) work_.notify_one();
+  }
+  return {start, end};
+}
+
+/// A thread without rays reads by itself what comes at once. False if there is nothing.
+bool PageTraffic::readHere(std::unique_lock<std::mutex>& lock, unsigned thread) {
+  if (choice_.readsAhead()) return false;
+  std::optional<Packed> next = toRead(false);
+  if (!next) return false;
+  const std::uint32_t page = next->page;
+  const Span span = readOne(lock, std::move(*next));
+  report_.waiting += span.end - span.start;
+  if (record_ != nullptr) record_->loaded(thread, page, span.start, span.end);
+  return true;
 }
 
 /// One reading thread looks for itself whether there is something to read; it wakes the others.
 void PageTraffic::read(unsigned reader) {
   std::unique_lock lock(mutex_);
   while (!stop_) {
-    if (std::optional<Packed> next = toRead()) {
+    std::optional<Packed> next;
+    if (choice_.readsAhead()) next = toRead(true);
+    if (next) {
       disk_.notify_one();
-      readOne(lock, reader, std::move(*next));
+      const std::uint32_t page = next->page;
+      const Span span = readOne(lock, std::move(*next));
+      if (record_ != nullptr) record_->read(reader, page, span.start, span.end);
     } else if (reader == 0) {
       if (disk_.wait_for(lock, kLookAgain) == std::cv_status::timeout) choice_.lookAgain();
     } else {

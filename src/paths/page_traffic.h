@@ -5,10 +5,11 @@
 //                │                                                               ▼ thread without
 //                rays └──────── work: rays of a page that is there ◄───────────── PageCache
 //
-// Pages are read while rays are traced, so that no thread waits for the disk as long as it has rays
-// to trace or a page to unpack: those that rays wait for, and, where the disk has nothing else to
-// do, those where rays are expected. Unpacking takes a processor and room in the cache, so nothing
-// is unpacked before a ray waits for it. A page stays as long as rays wait for it or are traced
+// Where the disk is slow pages are read while rays are traced, so that no thread waits for it as
+// long as it has rays to trace or a page to unpack: those that rays wait for, and, where the disk
+// has nothing else to do, those where rays are expected. Else a thread without rays reads a page by
+// itself. Unpacking takes a processor and room in the cache, so nothing is unpacked before a ray
+// waits for it. A page stays as long as rays wait for it or are traced
 // against it (but a stage that loads on demand may drive it out: then its rays wait again).
 #pragma once
 
@@ -97,12 +98,19 @@ class PageTraffic {
   static constexpr std::uint64_t kBegins = 256;  ///< paths that begin at once
   /// Packed pages in memory, as a share of the cache; at least as many as threads read.
   static constexpr std::uint64_t kPackedShare = 16;
+  /// Reads that are begun before their pages are needed, as a multiple of how many pages are
+  /// unpacked meanwhile.
+  static constexpr double kAhead = 8.0;
 
   /// A page that was read, or is being read.
   struct Packed {
     std::uint32_t page;
     bool ahead;  ///< no ray had waited for it
     std::vector<std::byte> bytes;
+  };
+
+  struct Span {
+    double start, end;  ///< secondsNow()
   };
 
   bool takeReady(PageWork& work);
@@ -114,8 +122,10 @@ class PageTraffic {
   bool makeRoom(std::uint64_t bytes);
 
   void read(unsigned reader);
-  std::optional<Packed> toRead();
-  void readOne(std::unique_lock<std::mutex>& lock, unsigned reader, Packed packed);
+  std::optional<Packed> toRead(bool mayBeAhead);
+  std::size_t depth() const;
+  bool readHere(std::unique_lock<std::mutex>& lock, unsigned thread);
+  Span readOne(std::unique_lock<std::mutex>& lock, Packed packed);
   bool fits(std::uint64_t bytes);
   void drop(std::size_t place);
 
@@ -133,6 +143,8 @@ class PageTraffic {
   std::uint64_t packedBytes_ = 0;  ///< of these, and of those that are being read or unpacked
   std::uint64_t packedLimit_, largest_ = 0;  ///< largest_: packed page
   std::optional<std::uint32_t> wanted_;      ///< the next to read, once there is room
+  std::size_t reading_ = 0;                  ///< pages that are being read
+  double unpacked_ = 0.0, interval_ = 1e-3;  ///< when a page was, and seconds from one to the next
   std::uint64_t unpackingBytes_ = 0;         ///< in the cache
   int idle_ = 0;                             ///< threads that trace and have nothing to do
   bool stop_ = false;

@@ -17,7 +17,7 @@ TrafficRecord::TrafficRecord(unsigned tracing, unsigned reading) : tracing_(trac
   };
   for (unsigned i = 0; i < tracing; ++i) {
     graph_.devices.push_back({fmt::format("thread {}", i), 1, 1});
-    addChannel(fmt::format("unpacks, thread {}", i));
+    addChannel(fmt::format("loads, thread {}", i));
   }
   for (unsigned i = 0; i < reading; ++i) addChannel(fmt::format("reads {}", i));
   graph_.devices.push_back({"planned", 1, 1});
@@ -30,7 +30,7 @@ void TrafficRecord::traced(unsigned thread, std::uint32_t page, double start, do
   happened_.runs.push_back({page, thread, start, end, {}});
 }
 
-void TrafficRecord::unpacked(unsigned thread, std::uint32_t page, double start, double end) {
+void TrafficRecord::loaded(unsigned thread, std::uint32_t page, double start, double end) {
   fetched(thread, page, start, end);
 }
 

@@ -10,7 +10,7 @@
 
 namespace trex {
 
-/// Rows: each thread that traces, what it unpacks and what the reading threads read, and likewise
+/// Rows: each thread that traces, what it loads and what the reading threads read, and likewise
 /// what the plans said. Thread safe.
 class TrafficRecord {
  public:
@@ -22,8 +22,8 @@ class TrafficRecord {
   /// A thread has traced rays of a page (LoadChoice::kBegin: has begun paths). Seconds as
   /// secondsNow().
   void traced(unsigned thread, std::uint32_t page, double start, double end);
-  /// It has unpacked a page.
-  void unpacked(unsigned thread, std::uint32_t page, double start, double end);
+  /// It has read or unpacked a page.
+  void loaded(unsigned thread, std::uint32_t page, double start, double end);
   /// A reading thread has read one.
   void read(unsigned reader, std::uint32_t page, double start, double end);
   /// `pageOf`: of items and of jobs.

@@ -199,6 +199,34 @@ TEST(BatchedTracer, APageThatCannotBeReadIsAnError) {
   }
 }
 
+/// A disk that takes its time is read ahead of the threads that trace: by others, in part before a
+/// ray waits, and without prediction by nobody. What was read serves, but for a few pages.
+TEST(BatchedTracer, ASlowDiskIsReadAhead) {
+  for (const bool predict : {false, true}) {
+    const Paged model = paged(plain(), 5, false, false, nullptr, 0.001);
+    const LightSet lights(model.scene, *model.rays);
+    const CameraRays camera(model.scene.cameras.front(), dvec3(0.0), kSide, kSide);
+    const PathTracer tracer(model.scene, *model.rays, lights, camera, GuessOptions{}, 5);
+    LoadChoice choice(model.mesh().table(), predict);
+    BatchedTracer batched(tracer, *model.rays, choice);
+    const std::vector<PathJob> all = jobs();
+    std::vector<PathSample> samples(all.size());
+    std::vector<RayCounts> counts(all.size());
+    std::vector<ConeRequest> cones;
+    tbb::task_arena(2).execute([&] { batched.trace(all, kSide, samples, counts, cones); });
+    const PageTrafficReport r = batched.report();
+    EXPECT_LE(r.waiting + r.unpacking, r.tracing * 1.001);
+    EXPECT_GE(r.reading, 0.001 * static_cast<double>(r.loads));
+    if (predict) {
+      EXPECT_GT(choice.readSeconds(), 1e-4);
+      EXPECT_LE(r.readInVain, r.loads);
+    } else {
+      EXPECT_EQ(r.readAhead + r.readInVain, 0u);
+      EXPECT_GE(r.waiting, 0.9 * r.reading);  // by the threads that trace
+    }
+  }
+}
+
 /// Both what was planned and what was done are told.
 TEST(BatchedTracer, RecordsWhatHappened) {
   const Paged model = paged(plain(), 3);
