@@ -162,27 +162,25 @@ void LoadChoice::choose() {
   expect();
   fit();
   chosen_.clear();
-  ahead_ = expectedMost();
+  ahead_.clear();
+  if (readsAhead()) ahead_ = expectedMost();
   std::reverse(ahead_.begin(), ahead_.end());
   const std::vector<std::uint32_t> wanted = candidates();
   if (!wanted.empty()) planLoads(wanted);
 }
 
-/// Plans loads, as many as kAhead or so.
+/// Plans their loads.
 void LoadChoice::planLoads(const std::vector<std::uint32_t>& wanted) {
   const std::vector<std::uint32_t> free = leastNeeded();
   schedule::State s;
   s.now = secondsNow();
-  double bytes = 0.0, seconds = 0.0,
-         room = static_cast<double>(cache_->limit() - cache_->statistics().bytes);
+  double bytes = 0.0, room = static_cast<double>(cache_->limit() - cache_->statistics().bytes);
   for (const std::uint32_t page : wanted) {
     const double rays = queues_->waiting(page), size = static_cast<double>(bytesOf(page));
     s.jobs.push_back(
         {0, {static_cast<std::uint32_t>(s.items.size())}, {rays, size}, worth(page), 0.0, 0.0});
     s.items.push_back({size, 1, false, 0.0, 0.0});
     bytes += size;
-    seconds +=
-        std::max(graph_.channels[0].seconds(size), timing_.at(0, 0).seconds(s.jobs.back().amounts));
   }
   for (const std::uint32_t page : free) {
     const double need = pages_[page].expected +
@@ -195,7 +193,7 @@ void LoadChoice::planLoads(const std::vector<std::uint32_t>& wanted) {
   s.graph = &graph_;
   s.routes = &routes;
   s.timing = &timing_;
-  s.horizon = kAhead * seconds / static_cast<double>(wanted.size());
+  s.horizon = schedule::kNever;
   schedule::Schedule made = schedule::plan(s, {});
   std::sort(made.fetches.begin(), made.fetches.end(),
             [](const auto& a, const auto& b) { return a.start < b.start; });

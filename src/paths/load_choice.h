@@ -68,9 +68,8 @@ class LoadChoice {
   std::uint32_t packedBytesOf(std::uint32_t page) const { return table_.pages[page].packedBytes; }
 
  private:
-  static constexpr std::size_t kCandidates = 32;  ///< of a plan
+  static constexpr std::size_t kCandidates = 24;  ///< of a plan
   static constexpr std::size_t kVictims = 48;     ///< that it may give up
-  static constexpr double kAhead = 24;            ///< loads that are planned at a time, about
   static constexpr std::uint32_t kBlocks = 128;   ///< at most
   static constexpr std::size_t kSamples = 128;    ///< that times are fitted to
 

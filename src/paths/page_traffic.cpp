@@ -100,7 +100,7 @@ bool PageTraffic::next(PageWork& work, unsigned thread) {
   std::unique_lock lock(mutex_);
   while (left_ > 0 && !stop_) {
     if (takeReady(work)) return true;
-    if (unpackOne(lock, thread) || announceHere() || readHere(lock, thread)) continue;
+    if (unpackOne(lock, thread) || readHere(lock, thread) || announceHere()) continue;
     disk_.notify_one();
     const double start = secondsNow();
     ++idle_;
@@ -173,7 +173,7 @@ bool PageTraffic::unpackOne(std::unique_lock<std::mutex>& lock, unsigned thread)
   const std::uint32_t page = packed_[best].page;
   const std::uint64_t bytes = choice_.bytesOf(page);
   if (!cache_.isHere(page) && !makeRoom(bytes)) return false;
-  const Packed packed = std::move(packed_[best]);
+  Packed packed = std::move(packed_[best]);
   if (best + 1 < packed_.size()) packed_[best] = std::move(packed_.back());
   packed_.pop_back();
   unpackingBytes_ += bytes;
@@ -190,6 +190,7 @@ bool PageTraffic::unpackOne(std::unique_lock<std::mutex>& lock, unsigned thread)
   lock.lock();
   unpackingBytes_ -= bytes;
   packedBytes_ -= packed.bytes.size();
+  spare_.push_back(std::move(packed.bytes));
   choice_.loaded(page, end - start);
   interval_ += 0.1 * (std::clamp(end - unpacked_, 1e-6, 1.0) - interval_);
   unpacked_ = end;
@@ -266,6 +267,10 @@ std::optional<PageTraffic::Packed> PageTraffic::toRead(bool mayBeAhead) {
 /// The lock is held, but not meanwhile. Seconds that it took.
 PageTraffic::Span PageTraffic::readOne(std::unique_lock<std::mutex>& lock, Packed packed) {
   ++reading_;
+  if (!spare_.empty()) {
+    packed.bytes = std::move(spare_.back());
+    spare_.pop_back();
+  }
   lock.unlock();
   const double start = secondsNow();
   std::exception_ptr failed;

@@ -139,7 +139,8 @@ class PageTraffic {
   std::condition_variable work_, disk_;
   std::deque<PageWork> ready_;  ///< of pages alone: their queues are to be taken
   std::uint64_t next_ = 0, paths_, left_;
-  std::vector<Packed> packed_;     ///< that were read
+  std::vector<Packed> packed_;                 ///< that were read
+  std::vector<std::vector<std::byte>> spare_;  ///< memory of such that were unpacked
   std::uint64_t packedBytes_ = 0;  ///< of these, and of those that are being read or unpacked
   std::uint64_t packedLimit_, largest_ = 0;  ///< largest_: packed page
   std::optional<std::uint32_t> wanted_;      ///< the next to read, once there is room

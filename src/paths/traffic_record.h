@@ -17,7 +17,8 @@ class TrafficRecord {
   /// Later events are left out.
   static constexpr std::size_t kMostEvents = 1u << 20;
 
-  TrafficRecord(unsigned tracing, unsigned reading);
+  /// `gathers`: there is a row for cones, too.
+  TrafficRecord(unsigned tracing, unsigned reading, bool gathers = false);
 
   /// A thread has traced rays of a page (LoadChoice::kBegin: has begun paths). Seconds as
   /// secondsNow().
@@ -26,6 +27,9 @@ class TrafficRecord {
   void loaded(unsigned thread, std::uint32_t page, double start, double end);
   /// A reading thread has read one.
   void read(unsigned reader, std::uint32_t page, double start, double end);
+  /// A device has gathered cones, and was expected to. Only with a row for them.
+  void gathered(double start, double end);
+  void plannedGather(double start, double end);
   /// `pageOf`: of items and of jobs.
   void planned(const schedule::Schedule& plan,
                const std::function<std::uint32_t(std::uint32_t)>& pageOfItem,
@@ -44,6 +48,7 @@ class TrafficRecord {
   schedule::Graph graph_;
   schedule::Schedule happened_;
   unsigned tracing_;
+  std::uint32_t planned_, gathers_;  ///< devices: loads as planned; cones, and as planned
 };
 
 }  // namespace trex

@@ -10,6 +10,7 @@
 #include <span>
 
 #include "src/paths/batched_tracer.h"
+#include "src/paths/gather_plan.h"
 #include "src/paths/path_tracer.h"
 #include "src/session/frame_buffers.h"
 #include "src/session/settings.h"
@@ -24,7 +25,8 @@ struct SampleSource {
   CausticMaps* caustics = nullptr;  ///< made ready for the samples to come; null where none is read
   /// Where pages do not fit in memory; else null, and the tracer's own way is taken.
   std::unique_ptr<BatchedTracer> batched;
-  bool pairs = false;  ///< the settings' share of samples is traced exactly too
+  GatherPlan* gathers = nullptr;  ///< where what happens is recorded; may be null
+  bool pairs = false;             ///< the settings' share of samples is traced exactly too
 };
 
 struct SampleBatch;

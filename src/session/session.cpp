@@ -219,8 +219,10 @@ void Session::makeWalks() {
   }
   loads_ = std::make_unique<LoadChoice>(rays.parts().paged->table(), settings_.predictLoads);
   if (settings_.recordTraffic) {
+    const bool cones = settings_.exact < 1.0 && model_->voxels && lights_->anyPower();
     traffic_ = std::make_unique<TrafficRecord>(static_cast<unsigned>(threadsAllowed()),
-                                               PageRounds::kReaders);
+                                               PageRounds::kReaders, cones);
+    if (cones) gathers_ = std::make_unique<GatherPlan>(*traffic_);
   }
   walks_ = std::make_unique<const WalkTracer>(rays, *loads_, settings_.rayMemory, traffic_.get());
 }
@@ -235,6 +237,7 @@ void Session::makeCaustics() {
 void Session::makeSources() {
   source_ = source(light_.cache(), caustics_.get());
   source_.pairs = source_.tracer->guesses();
+  source_.gathers = gathers_.get();
   // Light of another time serves previews, if there is any.
   if (preview_) previewSource_ = source(light_.hasLight() ? light_.cache() : nullptr, nullptr);
 }
