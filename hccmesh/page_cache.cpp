@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <chrono>
 #include <cmath>
 
 namespace hccm {
@@ -38,6 +39,22 @@ bool meets(const Mesh& mesh, std::uint32_t cluster, const PreparedRay& ray, floa
 
 constexpr std::uint64_t kOverhead = 512;  ///< of a page: the object and its allocations, bytes
 constexpr std::uint32_t kReadAhead = 3;   ///< pages behind a missing one
+
+thread_local double waited = 0.0;
+
+/// Counts its life as waiting of the thread.
+class WaitClock {
+ public:
+  WaitClock() : start_(std::chrono::steady_clock::now()) {}
+  ~WaitClock() {
+    waited += std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+  WaitClock(const WaitClock&) = delete;
+  WaitClock& operator=(const WaitClock&) = delete;
+
+ private:
+  std::chrono::steady_clock::time_point start_;
+};
 
 }  // namespace
 
@@ -90,7 +107,18 @@ PageCache::Pin PageCache::pinned(std::uint32_t page) {
 }
 
 PageCache::Pin PageCache::pin(std::uint32_t page) {
-  return tryPin(slots_[page]) ? pinned(page) : load(page);
+  return tryPin(slots_[page]) ? pinned(page) : load(page, {});
+}
+
+PageCache::Pin PageCache::pin(std::uint32_t page, std::span<const std::byte> packed) {
+  return tryPin(slots_[page]) ? pinned(page) : load(page, packed);
+}
+
+double PageCache::secondsWaited() { return waited; }
+
+void PageCache::wait(std::unique_lock<std::mutex>& lock) {
+  const WaitClock clock;
+  changed_.wait(lock);
 }
 
 PageCache::Pin PageCache::pinIfHere(std::uint32_t page) {
@@ -145,16 +173,17 @@ void PageCache::reserve(std::uint64_t bytes, std::unique_lock<std::mutex>& lock)
     if (evictOne()) continue;
     ++waiting_;
     // An unpin between evictOne() and here is seen by the second look.
-    if (!evictOne()) changed_.wait(lock);
+    if (!evictOne()) wait(lock);
     --waiting_;
   }
   statistics_.bytes += bytes;
   statistics_.peakBytes = std::max(statistics_.peakBytes, statistics_.bytes);
 }
 
-std::unique_ptr<Mesh> PageCache::read(std::uint32_t page) {
+std::unique_ptr<Mesh> PageCache::unpack(std::uint32_t page, std::span<const std::byte> packed) {
   bool& known = slots_[page].known;
-  auto mesh = std::make_unique<Mesh>(Mesh::fromPage(loadPage(file_, table_, page, known), grid_));
+  auto mesh =
+      std::make_unique<Mesh>(Mesh::fromPage(unpackPage(file_, table_, page, packed, known), grid_));
   for (std::uint32_t c = 0; c < mesh->clusterCount() && !known; ++c)
     if (mesh->clusterMaterial(c) >= materials_)
       throw FormatError(file_.place(table_.pages[page].offset) + ": page " + std::to_string(page) +
@@ -163,7 +192,18 @@ std::unique_ptr<Mesh> PageCache::read(std::uint32_t page) {
   return mesh;
 }
 
-PageCache::Pin PageCache::load(std::uint32_t page) {
+/// Pages behind one that is about to be read.
+void PageCache::readAhead(std::uint32_t page) const {
+  const std::uint32_t last =
+      std::min<std::uint32_t>(page + kReadAhead, static_cast<std::uint32_t>(slots_.size()) - 1);
+  if (last == page) return;
+  const PageEntry& next = table_.pages[page + 1];
+  file_.readAhead(next.offset,
+                  table_.pages[last].offset + table_.pages[last].packedBytes - next.offset);
+}
+
+/// `packed`: its bytes, or nothing: then they are read.
+PageCache::Pin PageCache::load(std::uint32_t page, std::span<const std::byte> packed) {
   Slot& slot = slots_[page];
   const PageEntry& entry = table_.pages[page];
   std::unique_lock lock(mutex_);
@@ -171,19 +211,19 @@ PageCache::Pin PageCache::load(std::uint32_t page) {
     if (tryPin(slot)) break;
     std::int32_t absent = kAbsent;
     if (!slot.state.compare_exchange_strong(absent, kBusy)) {
-      changed_.wait(lock);
+      wait(lock);
       continue;
     }
     try {
       reserve(bytesOf(entry), lock);
       lock.unlock();
-      const std::uint32_t last =
-          std::min<std::uint32_t>(page + kReadAhead, static_cast<std::uint32_t>(slots_.size()) - 1);
-      if (last > page)
-        file_.readAhead(entry.offset + entry.packedBytes, table_.pages[last].offset +
-                                                              table_.pages[last].packedBytes -
-                                                              entry.offset - entry.packedBytes);
-      slot.mesh = read(page);
+      thread_local std::vector<std::byte> bytes;  // one a thread, not counted by the limit
+      if (packed.empty()) {
+        readAhead(page);
+        const WaitClock clock;
+        readPage(file_, table_, page, bytes);
+      }
+      slot.mesh = unpack(page, packed.empty() ? bytes : packed);
       lock.lock();
     } catch (...) {
       if (!lock.owns_lock()) lock.lock();

@@ -14,6 +14,7 @@
 #include <cstdint>
 #include <memory>
 #include <mutex>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -71,6 +72,8 @@ class PageCache {
 
   /// Pins a page, loading it if need be. Throws what loadPage() throws.
   Pin pin(std::uint32_t page);
+  /// Of a page whose packed bytes were read already (readPage()).
+  Pin pin(std::uint32_t page, std::span<const std::byte> packed);
   /// Pins a page if it is there, at once; else the pin holds nothing.
   Pin pinIfHere(std::uint32_t page);
   /// Whether a page is there. By the time of the answer another thread may have changed that.
@@ -80,6 +83,11 @@ class PageCache {
   bool evict(std::uint32_t page);
   Statistics statistics() const;
   std::uint64_t limit() const { return limit_; }
+  /// Where the pages lie.
+  const PageFile& file() const { return file_; }
+  /// Seconds that the calling thread has waited in pin(), of any cache, since it began: for what is
+  /// read, for threads that load the same page, and for room. Unpacking is work.
+  static double secondsWaited();
 
  private:
   // state: number of pins, or one of these. A page that is kLoading or kEvicting belongs to one
@@ -97,8 +105,10 @@ class PageCache {
   Pin pinned(std::uint32_t page);
   bool giveUp(std::size_t place);
   void unpin(std::uint32_t page);
-  Pin load(std::uint32_t page);
-  std::unique_ptr<Mesh> read(std::uint32_t page);
+  Pin load(std::uint32_t page, std::span<const std::byte> packed);
+  std::unique_ptr<Mesh> unpack(std::uint32_t page, std::span<const std::byte> packed);
+  void readAhead(std::uint32_t page) const;
+  void wait(std::unique_lock<std::mutex>& lock);
   bool evictOne();
   void reserve(std::uint64_t bytes, std::unique_lock<std::mutex>& lock);
 

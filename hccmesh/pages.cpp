@@ -186,11 +186,22 @@ PageTable PageTable::fromBytes(std::span<const std::byte> bytes, std::uint64_t s
   return t;
 }
 
-ClusterPage loadPage(const PageFile& file, const PageTable& table, std::uint32_t page, bool known) {
+void readPage(const PageFile& file, const PageTable& table, std::uint32_t page,
+              std::vector<std::byte>& packed) {
   const PageEntry& entry = table.pages[page];
-  thread_local std::vector<std::byte> packed;  // one a thread, not counted by caches
   packed.resize(entry.packedBytes);
   file.read(entry.offset, packed);
+}
+
+ClusterPage loadPage(const PageFile& file, const PageTable& table, std::uint32_t page, bool known) {
+  thread_local std::vector<std::byte> packed;  // one a thread, not counted by caches
+  readPage(file, table, page, packed);
+  return unpackPage(file, table, page, packed, known);
+}
+
+ClusterPage unpackPage(const PageFile& file, const PageTable& table, std::uint32_t page,
+                       std::span<const std::byte> packed, bool known) {
+  const PageEntry& entry = table.pages[page];
   const auto bad = [&](const std::string& what) {
     throw FormatError(file.place(entry.offset) + ": page " + std::to_string(page) + " " + what);
   };

@@ -93,8 +93,14 @@ class PageFile {
   virtual std::string place(std::uint64_t offset) const = 0;
 };
 
-/// Reads one page and checks it against its entry. `known`: it has passed before, so the checksum
-/// is enough. Throws FormatError that names the place.
+/// Reads the packed bytes of one page, unchecked. Throws what the file throws.
+void readPage(const PageFile& file, const PageTable& table, std::uint32_t page,
+              std::vector<std::byte>& packed);
+/// Checks what was read against the page's entry. `known`: it has passed before, so the checksum is
+/// enough. Throws FormatError that names the place.
+ClusterPage unpackPage(const PageFile& file, const PageTable& table, std::uint32_t page,
+                       std::span<const std::byte> packed, bool known = false);
+/// Both.
 ClusterPage loadPage(const PageFile& file, const PageTable& table, std::uint32_t page,
                      bool known = false);
 

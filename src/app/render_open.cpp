@@ -50,14 +50,14 @@ Look readEdits(RenderArguments& a, const Scene& scene, ModelOptions& options) {
 
 /// Memory of paths that wait for pages. `left`: for these and the pages; `cache`: what was asked
 /// for these, or 0. Throws Error(kMemoryOrDevice) if it is not there.
-std::uint64_t rayMemory(const RenderSettings& s, const std::string& asked, std::uint64_t cache,
-                        std::uint64_t left) {
+std::uint64_t rayMemory(const Scene& scene, const RenderSettings& s, const std::string& asked,
+                        std::uint64_t cache, std::uint64_t left) {
   constexpr std::uint64_t kMost = std::uint64_t{1} << 30;
   const std::uint64_t room = left > cache ? left - cache : 0;
   if (asked == "off") return 0;
   if (asked == "auto") {
     const std::uint64_t samples = s.samples > 0 ? s.samples : 64;
-    const std::uint64_t all = memoryOfPaths(std::uint64_t{s.width} * s.height * samples);
+    const std::uint64_t all = memoryOfPaths(scene, std::uint64_t{s.width} * s.height * samples);
     return std::min({all, kMost, cache > 0 ? room : left / 4});
   }
   const std::uint64_t bytes = parseBytes(asked);
@@ -72,14 +72,16 @@ std::uint64_t rayMemory(const RenderSettings& s, const std::string& asked, std::
 
 /// Limit of pages in memory: as asked for, or most of what the rest leaves. Where they don't fit
 /// paths wait for them, and the settings get the memory of these.
-std::uint64_t cacheFor(RenderArguments& a, const PagedSizes& paged, const Preflight& fit) {
+std::uint64_t cacheFor(RenderArguments& a, const Scene& scene, const PagedSizes& paged,
+                       const Preflight& fit) {
   a.settings.rayMemory = 0;
   if (paged.pages == 0) return 0;
   const std::uint64_t left = (fit.allowed - fit.needed) / 8 * 7;
   std::uint64_t cache = a.cache.empty() ? std::max<std::uint64_t>(left, 1)
                                         : std::max<std::uint64_t>(parseBytes(a.cache), 1);
   if (cache < paged.pages) {
-    a.settings.rayMemory = rayMemory(a.settings, a.rayMemory, a.cache.empty() ? 0 : cache, left);
+    a.settings.rayMemory =
+        rayMemory(scene, a.settings, a.rayMemory, a.cache.empty() ? 0 : cache, left);
     if (a.cache.empty()) cache = left - a.settings.rayMemory;
   }
   logVerbose("memory: {:>10} of pages, at most {} at a time", formatBytes(paged.pages),
@@ -135,7 +137,7 @@ void openForRender(RenderArguments& a, const RenderSource& source, OpenedRender&
     if (a.settings.maxMemory > 0 && out.imagesOpening.joinable()) out.imagesOpening.join();
     const Preflight fit = preflight(scene, a.settings, layersOf(a), baked, model.paged.topLevel);
     model.voxelBytes = fit.voxelBytes;
-    model.cacheBytes = cacheFor(a, model.paged, fit);
+    model.cacheBytes = cacheFor(a, scene, model.paged, fit);
     out.built = model;
     catchInterrupts();
     const bool device = model.voxels && a.settings.device != RenderSettings::kNoDevice;

@@ -153,7 +153,10 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
   out["page_loads_on_demand"] = r.pages.loads - r.traffic.loads;
   out["tracing_thread_seconds"] = r.traffic.tracing;
   out["waiting_thread_seconds"] = r.traffic.waiting;
-  out["loading_thread_seconds"] = r.traffic.loading;
+  out["unpacking_thread_seconds"] = r.traffic.unpacking;
+  out["reading_thread_seconds"] = r.traffic.reading;
+  out["pages_read_ahead"] = r.traffic.readAhead;
+  out["pages_read_in_vain"] = r.traffic.readInVain;
   return out;
 }
 

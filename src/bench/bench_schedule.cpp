@@ -353,8 +353,9 @@ void addCommand(CLI::App& bench) {
   c->add_option("--spp", a->live.samples, "Of --live: samples a pixel")
       ->check(CLI::Range(1, 1 << 20))
       ->capture_default_str();
-  c->add_option("--demand-spp", a->live.demandSamples, "Of --live: those on demand, which is slow")
-      ->check(CLI::Range(1, 1 << 20))
+  c->add_option("--demand-spp", a->live.demandSamples,
+                "Of --live: those on demand, which is slow; 0: leave it out")
+      ->check(CLI::Range(0, 1 << 20))
       ->capture_default_str();
   c->add_option("--exact", a->live.exact, "Of --live: share of exact samples; below 1 with photons")
       ->check(CLI::Range(0.0, 1.0))
@@ -363,6 +364,14 @@ void addCommand(CLI::App& bench) {
       ->check(CLI::Range(0.0, 1.0))
       ->capture_default_str();
   c->add_option("--ray-memory", a->live.rayMemory, "Of --live: as of trex render")
+      ->capture_default_str();
+  c->add_flag("--cold", a->live.cold, "Of --live: read pages past the system's cache");
+  c->add_option("--disk-rate", a->live.diskRate,
+                "Of --live: MB/s of a disk that is played, one request at a time; 0: this one")
+      ->check(CLI::Range(0.0, 1e6))
+      ->capture_default_str();
+  c->add_option("--disk-latency", a->live.diskLatency, "Of --live: ms of each of its requests")
+      ->check(CLI::Range(0.0, 1e4))
       ->capture_default_str();
   c->callback([a] { run(*a); });
 }

@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "src/bench/cold_pages.h"
 #include "src/bundle/bundle.h"
 #include "src/command/parse.h"
 #include "src/core/error.h"
@@ -51,6 +52,12 @@ void writeTraces(const LiveArguments& a, const Session& session) {
 
 Rendered render(const LiveArguments& a, const Way& way) {
   OpenOptions open;
+  if (a.cold || a.diskRate > 0.0) {
+    const auto disk = std::make_shared<SlowDisk>(1e6 * a.diskRate, 1e-3 * a.diskLatency);
+    open.pages = [&a, disk](std::uint64_t start) {
+      return std::make_unique<ColdPages>(a.bundle, start, disk);
+    };
+  }
   open.model.voxels = a.exact < 1.0;
   open.prepare = [&](const Scene&, ModelOptions& model) {
     if (model.paged.pages == 0) {
@@ -88,7 +95,10 @@ Rendered render(const LiveArguments& a, const Way& way) {
   if (way.waits) {
     out.row["page_loads_on_demand"] = r.pages.loads - r.traffic.loads;
     out.row["waiting_share"] = r.traffic.waiting / r.traffic.tracing;
-    out.row["loading_share"] = r.traffic.loading / r.traffic.tracing;
+    out.row["unpacking_share"] = r.traffic.unpacking / r.traffic.tracing;
+    out.row["reading_seconds"] = r.traffic.reading;
+    out.row["pages_read_ahead"] = r.traffic.readAhead;
+    out.row["pages_read_in_vain"] = r.traffic.readInVain;
   }
   out.values = session.picture().values;
   return out;
@@ -104,9 +114,12 @@ nlohmann::ordered_json benchLive(const LiveArguments& a) {
                    {"exact", a.exact},
                    {"cache_share", a.cacheShare},
                    {"ray_memory_bytes", parseBytes(a.rayMemory)},
+                   {"cold", a.cold || a.diskRate > 0.0},
+                   {"disk_bytes_a_second", 1e6 * a.diskRate},
                    {"rows", Json::array()}};
   std::vector<float> whole;
   for (const Way& way : kWays) {
+    if (!way.all && !way.waits && a.demandSamples == 0) continue;
     Rendered made = render(a, way);
     if (way.all) whole = made.values;
     if (made.row["samples"] == a.samples) made.row["same_bytes"] = made.values == whole;
@@ -116,19 +129,24 @@ nlohmann::ordered_json benchLive(const LiveArguments& a) {
 }
 
 void printLive(const nlohmann::ordered_json& document) {
-  fmt::print("{:<19} {:>7} {:>9} {:>11} {:>10} {:>13} {:>8} {:>8} {:>5}\n", "", "samples",
-             "seconds", "processors", "loads", "loads/sample", "waiting", "loading", "same");
+  fmt::print("{:<19} {:>7} {:>9} {:>11} {:>10} {:>13} {:>6} {:>8} {:>9} {:>5}\n", "", "samples",
+             "seconds", "processors", "loads", "loads/sample", "ahead", "waiting", "unpacking",
+             "same");
   for (const Json& r : document["rows"]) {
     const auto share = [&](const char* key) {
       return r.contains(key) ? fmt::format("{:.1f} %", 100.0 * r[key].get<double>())
                              : std::string();
     };
     const bool same = r.value("same_bytes", false);
-    fmt::print("{:<19} {:>7} {:>7.2f} s {:>9.2f} s {:>10} {:>13.0f} {:>8} {:>8} {:>5}\n",
+    fmt::print("{:<19} {:>7} {:>7.2f} s {:>9.2f} s {:>10} {:>13.0f} {:>6} {:>8} {:>9} {:>5}\n",
                r["way"].get<std::string>(), r["samples"].get<int>(), r["seconds"].get<double>(),
                r["processor_seconds"].get<double>(), r["page_loads"].get<std::uint64_t>(),
-               r["page_loads"].get<double>() / r["samples"].get<double>(), share("waiting_share"),
-               share("loading_share"), r.contains("same_bytes") ? (same ? "yes" : "NO") : "");
+               r["page_loads"].get<double>() / r["samples"].get<double>(),
+               r.contains("pages_read_ahead")
+                   ? fmt::format("{}", r["pages_read_ahead"].get<std::uint64_t>())
+                   : std::string(),
+               share("waiting_share"), share("unpacking_share"),
+               r.contains("same_bytes") ? (same ? "yes" : "NO") : "");
   }
 }
 

@@ -12,10 +12,13 @@ struct LiveArguments {
   std::string bundle;
   std::string size = "320x180";
   std::uint32_t samples = 8;
-  std::uint32_t demandSamples = 1;  ///< of threads that wait: they take long
+  std::uint32_t demandSamples = 1;  ///< of threads that wait: they take long; 0: no such row
   double exact = 1.0;               ///< below 1: with photons, too
   double cacheShare = 0.05;         ///< of the pages' bytes
   std::string rayMemory = "1G";
+  bool cold = false;         ///< pages are read past the system's cache
+  double diskRate = 0.0;     ///< MB/s of a disk that is played; 0: as it is. Cold, too
+  double diskLatency = 0.1;  ///< ms of each of its requests
   std::string picture,
       trace;  ///< of the last way, which foresees: FILE.svg, FILE.json; may be empty
 };

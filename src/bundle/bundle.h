@@ -72,8 +72,10 @@ std::vector<bundle::BakedFile> hashSources(const std::vector<SourceFile>& files,
                                            const std::filesystem::path& target);
 
 struct OpenOptions {
-  ModelOptions model;                      ///< a bundle keeps its own depth and precision
-  ImportOptions import;                    ///< of a source
+  ModelOptions model;    ///< a bundle keeps its own depth and precision
+  ImportOptions import;  ///< of a source
+  /// As BundleReadOptions::pages, of a bundle; empty: from its file.
+  std::function<std::unique_ptr<hccm::PageFile>(std::uint64_t start)> pages{};
   bool useStale = false;                   ///< open a bundle whose sources have changed since
   std::optional<Environment> environment;  ///< instead of the scene's
   /// Called with the scene before anything large is built of it; may throw, or change the options.

@@ -317,9 +317,12 @@ Model openBundle(const fs::path& path, const OpenOptions& options) {
   BundleReadOptions read;
   read.voxels = options.model.voxels;
   read.textures = options.import.textures;
-  read.pages = [&](std::uint64_t start) {
-    return std::make_unique<bundle::FilePages>(path, start);
-  };
+  read.pages = options.pages;
+  if (!read.pages) {
+    read.pages = [&](std::uint64_t start) {
+      return std::make_unique<bundle::FilePages>(path, start);
+    };
+  }
   BundleContents contents = readBundle(*bytes, bytes, path.string(), read);
   checkSources(path, contents.description, options.useStale);
   contents.description.scene.files = {examineSource(path)};

@@ -5,6 +5,7 @@
 #include <span>
 
 #include "src/crays/ray_scene_parts.h"
+#include "src/crays/waiting_ray.h"
 #include "src/scene/look.h"
 
 namespace trex {
@@ -84,9 +85,19 @@ bool ClearPath::straight(const vec3& last) const {
          glm::dot(difference, difference) < kStraight * kStraight;
 }
 
+namespace {
+
+bool letsPass(const Material& m) { return isClearGlass(m) || m.alphaMode != AlphaMode::kOpaque; }
+
+}  // namespace
+
+bool ClearLayers::blockOnly(const Scene& scene) {
+  return std::ranges::none_of(scene.materials, letsPass);
+}
+
 ClearLayers::ClearLayers(const Scene& scene, const RayScene& rays) : scene_(scene), rays_(rays) {
   for (const Material& m : scene.materials) {
-    const bool passes = isClearGlass(m) || m.alphaMode != AlphaMode::kOpaque;
+    const bool passes = letsPass(m);
     const bool glass = isClearGlass(m) && passesLight(m);
     const bool bends = isClearGlass(m) && m.volume;
     passages_.push_back(passes ? hccm::Passage::kPasses : hccm::Passage::kBlocks);
@@ -119,9 +130,9 @@ void ClearLayers::findBends() {
   gather(found, kBoxHalvings, bendBoxes_);
 }
 
-/// Whether anything that refracts may lie between.
-bool ClearLayers::meetsBends(const RayStart& start, const vec3& direction,
-                             const RayEnd& end) const {
+/// Whether anything that refracts may lie between, by boxes alone.
+bool ClearLayers::mayMeetBends(const RayStart& start, const vec3& direction,
+                               const RayEnd& end) const {
   const vec3 origin(start.position), inverse = 1.0f / direction;
   const auto meets = [&](const Box3f& box) {
     const vec3 a = (box.lower - origin) * inverse, b = (box.upper - origin) * inverse;
@@ -129,9 +140,13 @@ bool ClearLayers::meetsBends(const RayStart& start, const vec3& direction,
     const float leaves = -maxComponent(-glm::max(a, b));
     return !(enters > leaves || leaves < 0.0f || enters > end.distance);  // true if not a number
   };
-  if (!meets(bendBox_) || std::none_of(bendBoxes_.begin(), bendBoxes_.end(), meets)) return false;
+  return anyBends_ && meets(bendBox_) && std::any_of(bendBoxes_.begin(), bendBoxes_.end(), meets);
+}
+
+bool ClearLayers::meetsBends(const RayStart& start, const vec3& direction,
+                             const RayEnd& end) const {
   hccm::Passages bends{bends_.data()};
-  return rays_.occluded(start, direction, 0.0f, end, &bends);
+  return mayMeetBends(start, direction, end) && rays_.occluded(start, direction, 0.0f, end, &bends);
 }
 
 bool ClearLayers::pass(const Surface& surface, const Bsdf& bsdf, ClearWalk& walk) const {
@@ -153,28 +168,52 @@ bool ClearLayers::pass(const Surface& surface, const Bsdf& bsdf, ClearWalk& walk
   return true;
 }
 
+bool ClearLayers::pass(const Surface& surface, ClearWalk& walk) const {
+  return passages_[surface.material] != hccm::Passage::kBlocks &&
+         pass(surface, Bsdf(scene_, surface, -walk.direction), walk);
+}
+
 ClearWalk ClearLayers::walk(const RayStart& start, const vec3& direction, const RayEnd& end,
                             const vec3& absorption) const {
   ClearWalk walk{.start = start, .direction = direction, .absorption = absorption};
+  follow(walk, end, nullptr);
+  return walk;
+}
+
+bool ClearLayers::meet(const ClearWalk& walk, const RayEnd& end, WaitingRay* waits, RayHit& hit,
+                       bool& met) const {
+  if (waits == nullptr) {
+    met = rays_.intersect(walk.start, walk.direction, 0.0f, end, hit);
+    return true;
+  }
+  if (!rays_.meetHere({walk.start, walk.direction, 0.0f, end}, *waits)) return false;
+  met = waits->hit();
+  hit = waits->best;
+  *waits = WaitingRay();
+  return true;
+}
+
+/// The rest of a walk. False if it waits for a page.
+bool ClearLayers::follow(ClearWalk& walk, const RayEnd& end, WaitingRay* waits) const {
   RayEnd rest = end;
-  for (int layer = 0; layer < kMost; ++layer) {
+  for (; walk.layers < kMost; ++walk.layers) {
     float left = end.distance;
     if (end.point) {
       left = std::max(glm::dot(vec3(*end.point - walk.start.position), walk.direction), 0.0f);
       rest.distance = walk.path.begun() ? left * kBeforeTheEnd : left;
     }
     RayHit hit;
-    if (!rays_.intersect(walk.start, walk.direction, 0.0f, rest, hit)) {
+    bool met = false;
+    if (!meet(walk, rest, waits, hit, met)) return false;
+    if (!met) {
       if (end.point) walk.advance(left);
-      return walk;
+      return true;
     }
     walk.advance(hit.t);
-    const Surface surface = rays_.surface(hit);
-    if (passages_[surface.material] == hccm::Passage::kBlocks) break;
-    if (!pass(surface, Bsdf(scene_, surface, -walk.direction), walk)) break;
+    if (!pass(rays_.surface(hit), walk)) break;
   }
   walk.blocked = true;
-  return walk;
+  return true;
 }
 
 LightConnection ClearLayers::connect(const RayStart& start, const vec3& direction,
@@ -183,12 +222,42 @@ LightConnection ClearLayers::connect(const RayStart& start, const vec3& directio
   const vec3 towards = end.point ? vec3(glm::normalize(*end.point - start.position)) : direction;
   hccm::Passages seen{passages_.data()};
   const bool blocked = rays_.occluded(start, towards, 0.0f, end, any_ ? &seen : nullptr);
-  if (!blocked && seen.met) return aim(start, direction, end, absorption);
   // What blocks the straight line need not block the one that glass bends.
-  if (blocked && anyBends_ && meetsBends(start, towards, end)) {
-    return aim(start, direction, end, absorption);
+  if (blocked ? meetsBends(start, towards, end) : seen.met) {
+    WaitingConnection way;
+    aim(start, direction, end, absorption, nullptr, way);
+    return way.found;
   }
   return blocked ? LightConnection{.direction = direction} : unblocked(direction, end, absorption);
+}
+
+bool ClearLayers::connectHere(const RayStart& start, const vec3& direction, const RayEnd& end,
+                              const vec3& absorption, WaitingRay& ray,
+                              WaitingConnection& way) const {
+  using Stage = WaitingConnection::Stage;
+  const vec3 towards = end.point ? vec3(glm::normalize(*end.point - start.position)) : direction;
+  const RayQuery straight{start, towards, 0.0f, end};
+  const auto answer = [&](const LightConnection& found) {
+    ray = WaitingRay();
+    way.found = found;
+    way.stage = Stage::kFound;
+    return true;
+  };
+  if (way.stage == Stage::kStraight) {
+    if (!rays_.occludedHere(straight, ray, any_ ? passages_.data() : nullptr)) return false;
+    if (!ray.blocked && !ray.passed) return answer(unblocked(direction, end, absorption));
+    if (ray.blocked && !mayMeetBends(start, towards, end)) return answer({.direction = direction});
+    way.stage = ray.blocked ? Stage::kBends : Stage::kAims;
+    ray = WaitingRay();
+  }
+  if (way.stage == Stage::kBends) {
+    if (!rays_.occludedHere(straight, ray, bends_.data())) return false;
+    if (!ray.blocked) return answer({.direction = direction});
+    way.stage = Stage::kAims;
+    ray = WaitingRay();
+  }
+  if (way.stage == Stage::kFound) return true;
+  return aim(start, direction, end, absorption, &ray, way) && answer(way.found);
 }
 
 LightConnection ClearLayers::unblocked(const vec3& direction, const RayEnd& end,
@@ -199,41 +268,63 @@ LightConnection ClearLayers::unblocked(const vec3& direction, const RayEnd& end,
   return out;
 }
 
-/// As connect(): turns the ray until it meets the light behind the panes.
-LightConnection ClearLayers::aim(const RayStart& start, const vec3& direction, const RayEnd& end,
-                                 const vec3& absorption) const {
-  const float distance = end.distance;
-  const bool infinite = !(distance < kInfinity);
+/// As connect(): turns the ray until it meets the light behind the panes. False if it waits for a
+/// page.
+bool ClearLayers::aim(const RayStart& start, const vec3& direction, const RayEnd& end,
+                      const vec3& absorption, WaitingRay* waits, WaitingConnection& way) const {
   RayEnd light = end;
-  if (!infinite && !end.point) light.point = start.position + dvec3(direction) * double(distance);
-  LightConnection out;
-  out.direction = end.point ? vec3(glm::normalize(*end.point - start.position)) : direction;
-  dvec3 goal = light.point.value_or(dvec3(0.0));
-  for (int turn = 0; turn < kMostAims; ++turn) {
-    const ClearWalk walk = this->walk(start, out.direction, light, absorption);
-    const vec3 passed = walk.blocked ? vec3(0.0f) : walk.passed;
-    if (!walk.path.begun()) {
-      // Past the glass that the straight line meets: it leads to another place than the light's.
-      if (turn > 0) return out;
-      return {passed, direction};
+  if (end.distance < kInfinity && !end.point)
+    light.point = start.position + dvec3(direction) * double(end.distance);
+  for (; way.turn < kMostAims; ++way.turn) {
+    if (way.turn == 0 && !way.walking) {
+      way.found = {};
+      way.found.direction =
+          end.point ? vec3(glm::normalize(*end.point - start.position)) : direction;
+      way.goal = light.point.value_or(dvec3(0.0));
     }
-    out.refracted = true;
-    if (!walk.path.straight(walk.direction)) return out;
-    if (infinite) {
-      out.passed = passed;
-      return out;
+    if (!way.walking) {
+      way.walk = {.start = start, .direction = way.found.direction, .absorption = absorption};
     }
-    const vec3 rest(*light.point - walk.start.position);
-    const vec3 miss = rest - walk.direction * glm::dot(rest, walk.direction);
-    if (glm::dot(miss, miss) <= kMiss * kMiss * distance * distance) {
-      out.passed = passed;
-      out.focus = distance * distance / walk.path.spread();
-      return out;
-    }
-    goal += dvec3(miss);
-    out.direction = vec3(glm::normalize(goal - start.position));
+    way.walking = true;
+    if (!follow(way.walk, light, waits)) return false;
+    way.walking = false;
+    if (takeAim(start, direction, light, way)) break;
   }
-  return out;
+  return true;
+}
+
+/// What has become of an aim. True if that is the answer; else there is another aim.
+bool ClearLayers::takeAim(const RayStart& start, const vec3& direction, const RayEnd& light,
+                          WaitingConnection& way) const {
+  const ClearWalk& walk = way.walk;
+  LightConnection& out = way.found;
+  const vec3 passed = walk.blocked ? vec3(0.0f) : walk.passed;
+  if (!walk.path.begun()) {
+    // Past the glass that the straight line meets: it leads to another place than the light's.
+    if (way.turn == 0) {
+      out = {};
+      out.passed = passed;
+      out.direction = direction;
+    }
+    return true;
+  }
+  out.refracted = true;
+  if (!walk.path.straight(walk.direction)) return true;
+  const float distance = light.distance;
+  if (!(distance < kInfinity)) {
+    out.passed = passed;
+    return true;
+  }
+  const vec3 rest(*light.point - walk.start.position);
+  const vec3 miss = rest - walk.direction * glm::dot(rest, walk.direction);
+  if (glm::dot(miss, miss) <= kMiss * kMiss * distance * distance) {
+    out.passed = passed;
+    out.focus = distance * distance / walk.path.spread();
+    return true;
+  }
+  way.goal += dvec3(miss);
+  out.direction = vec3(glm::normalize(way.goal - start.position));
+  return false;
 }
 
 }  // namespace trex

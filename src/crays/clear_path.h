@@ -46,6 +46,8 @@ class ClearPath {
   bool begun_ = false;
 };
 
+struct WaitingRay;
+
 /// How light that was sampled reaches a point.
 struct LightConnection {
   vec3 passed{0.0f};       ///< share that arrives, by colour; 0: none
@@ -63,6 +65,7 @@ struct ClearWalk {
   vec3 passed{1.0f};      ///< share of light, by colour
   vec3 glass{1.0f};       ///< of it, what glass takes that voxels leave out
   float length = 0.0f;    ///< metres, of all pieces but an endless last one
+  int layers = 0;         ///< met so far
   ClearPath path{};
   bool blocked = false;
 
@@ -71,6 +74,22 @@ struct ClearWalk {
     length += metres;
     if (absorption != vec3(0.0f)) passed *= glm::exp(-absorption * metres);
   }
+};
+
+/// A connection as far as it is known, where rays wait for pages: plain data.
+struct WaitingConnection {
+  enum class Stage : std::uint8_t {
+    kStraight,  ///< the straight line is looked at
+    kBends,     ///< whether glass is on it, as something else is in the way
+    kAims,      ///< the way through that is looked for
+    kFound,
+  };
+  Stage stage = Stage::kStraight;
+  bool walking = false;     ///< `walk` has begun
+  std::uint8_t turn = 0;    ///< aims so far
+  ClearWalk walk{};         ///< of the present aim
+  LightConnection found{};  ///< the answer
+  dvec3 goal{0.0};          ///< where the aim is put
 };
 
 /// Follows shadow rays through what lets light pass: layers by their alpha, and clear glass.
@@ -93,22 +112,37 @@ class ClearLayers {
   /// volume the start lies in.
   LightConnection connect(const RayStart& start, const vec3& direction,
                           const RayEnd& end = kInfinity, const vec3& absorption = vec3(0.0f)) const;
+  /// The same, as far as the pages that are there go: see RayScene::intersectHere(). True once
+  /// `way.found` is the answer; else `ray` waits, and the same is to be asked again. Both begin
+  /// with all values at their defaults.
+  bool connectHere(const RayStart& start, const vec3& direction, const RayEnd& end,
+                   const vec3& absorption, WaitingRay& ray, WaitingConnection& way) const;
   /// Whether connect() is a matter of occluded() alone, since nothing lets light pass: then its
   /// answer is none, or unblocked().
   bool blockOnly() const { return !any_ && !anyBends_; }
+  static bool blockOnly(const Scene& scene);
   static LightConnection unblocked(const vec3& direction, const RayEnd& end,
                                    const vec3& absorption);
   /// A single ray, up to where it comes closest to the end's point, or without end.
   ClearWalk walk(const RayStart& start, const vec3& direction, const RayEnd& end,
                  const vec3& absorption = vec3(0.0f)) const;
+  /// What the next piece of such a ray meets, if anything before `end`. False if it waits for a
+  /// page (see RayScene::meetHere()), with `waits`; null: nothing waits.
+  bool meet(const ClearWalk& walk, const RayEnd& end, WaitingRay* waits, RayHit& hit,
+            bool& met) const;
   /// Takes a ray through a surface it has met, as seen by it. False if nothing passes.
   bool pass(const Surface& surface, const Bsdf& bsdf, ClearWalk& walk) const;
+  bool pass(const Surface& surface, ClearWalk& walk) const;
 
  private:
   void findBends();
+  bool mayMeetBends(const RayStart& start, const vec3& direction, const RayEnd& end) const;
   bool meetsBends(const RayStart& start, const vec3& direction, const RayEnd& end) const;
-  LightConnection aim(const RayStart& start, const vec3& direction, const RayEnd& end,
-                      const vec3& absorption) const;
+  bool follow(ClearWalk& walk, const RayEnd& end, WaitingRay* waits) const;
+  bool aim(const RayStart& start, const vec3& direction, const RayEnd& end, const vec3& absorption,
+           WaitingRay* waits, WaitingConnection& way) const;
+  bool takeAim(const RayStart& start, const vec3& direction, const RayEnd& light,
+               WaitingConnection& way) const;
 
   const Scene& scene_;
   const RayScene& rays_;

@@ -194,9 +194,17 @@ class RayScene {
   /// again, with the same query, when that has been there. The bits are those of the calls above,
   /// whatever was there when. Thread safe, a WaitingRay by itself.
   bool intersectHere(const RayQuery& query, WaitingRay& ray) const;
-  bool occludedHere(const RayQuery& query, WaitingRay& ray) const;
+  /// `passages`: as hccm::Passages has them; null: everything blocks.
+  bool occludedHere(const RayQuery& query, WaitingRay& ray,
+                    const hccm::Passage* passages = nullptr) const;
+  /// As intersectHere(), and then what surface() of a hit reads is there, too.
+  bool meetHere(const RayQuery& query, WaitingRay& ray) const;
+  /// The page that a ray waits for, of any of the three.
+  std::uint32_t awaited(const WaitingRay& ray) const;
   /// The page that surface(hit) reads; WaitingRay::kNoPage if it is of a mesh in memory.
   std::uint32_t pageOf(const RayHit& hit) const;
+  /// Whether that is there. By the time of the answer another thread may have changed that.
+  bool surfaceIsHere(const RayHit& hit) const;
   /// Whether the mesh of a hit is in memory and lies in render space as it is; its triangle().
   /// Thread safe.
   bool inPlace(const RayHit& hit) const;

@@ -192,7 +192,8 @@ struct RayScene::Impl {
   void build(const Scene& scene);
   /// Nothing but the merged mesh, in memory.
   bool worldAlone() const { return placements.empty() && !parts.paged; }
-  bool advance(const RayQuery& query, WaitingRay& ray, bool shadow) const;
+  bool advance(const RayQuery& query, WaitingRay& ray, bool shadow,
+               const hccm::Passage* passages) const;
   hccm::PreparedRay worldRay(const Query& query, float tnear, float tfar) const;
   /// Rays that the world's own hierarchy answers together.
   static constexpr std::size_t kTogether = 16;

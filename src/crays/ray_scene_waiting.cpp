@@ -105,7 +105,8 @@ void lookFurther(TraceContext& context, RTCScene scene, const vec3& origin) {
 
 }  // namespace
 
-bool RayScene::Impl::advance(const RayQuery& query, WaitingRay& ray, bool shadow) const {
+bool RayScene::Impl::advance(const RayQuery& query, WaitingRay& ray, bool shadow,
+                             const hccm::Passage* passages) const {
   if (ray.answered) return true;
   RayStart near = query.start;
   float tnear = query.tnear, tfar = query.end.distance;
@@ -117,6 +118,8 @@ bool RayScene::Impl::advance(const RayQuery& query, WaitingRay& ray, bool shadow
   TraceContext context(asked, visibility, placements, worldPlacement);
   context.waits = &ray;
   context.shadow = shadow;
+  hccm::Passages seen{passages, ray.passed};
+  if (passages != nullptr) context.passages = &seen;
   context.best = ray.best;
   context.tnear = tnear;
   context.tfar = ray.hit() ? ray.best.t : tfar;
@@ -124,19 +127,31 @@ bool RayScene::Impl::advance(const RayQuery& query, WaitingRay& ray, bool shadow
   if (ray.count == 0 && !ray.blocked && ray.more && !(ray.done.entry > context.tfar))
     lookFurther(context, top.scene, vec3(near.position));
   ray.best = context.best;
+  ray.passed = seen.met;
   if (ray.count > 0 && !ray.blocked) return false;
   // What is behind the last group that it could hold is met at once if all that it held is done.
   if (!ray.blocked && ray.more && !(ray.done.entry > context.tfar))
-    return advance(query, ray, shadow);
+    return advance(query, ray, shadow, passages);
   if (shift != 0.0 && ray.hit()) ray.best.t = static_cast<float>(ray.best.t + shift);
   return ray.answered = true;
 }
 
 bool RayScene::intersectHere(const RayQuery& query, WaitingRay& ray) const {
-  return impl_->advance(query, ray, false);
+  return impl_->advance(query, ray, false, nullptr);
 }
-bool RayScene::occludedHere(const RayQuery& query, WaitingRay& ray) const {
-  return impl_->advance(query, ray, true);
+bool RayScene::occludedHere(const RayQuery& query, WaitingRay& ray,
+                            const hccm::Passage* passages) const {
+  return impl_->advance(query, ray, true, passages);
+}
+bool RayScene::meetHere(const RayQuery& query, WaitingRay& ray) const {
+  return intersectHere(query, ray) && (!ray.hit() || surfaceIsHere(ray.best));
+}
+std::uint32_t RayScene::awaited(const WaitingRay& ray) const {
+  return ray.answered ? pageOf(ray.best) : ray.page();
+}
+bool RayScene::surfaceIsHere(const RayHit& hit) const {
+  const std::uint32_t page = pageOf(hit);
+  return page == WaitingRay::kNoPage || impl_->parts.paged->cache().isHere(page);
 }
 
 std::uint32_t RayScene::pageOf(const RayHit& hit) const {

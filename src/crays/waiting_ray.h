@@ -23,13 +23,14 @@ struct WaitingRay {
     }
   };
 
-  RayHit best = nothing();  ///< so far; its t is along the ray as Embree has it until `answered`
-  Group groups[kGroups];    ///< whose pages were not there, nearest first
-  Group done;               ///< all groups up to this one were met, but for those above
-  std::uint8_t count = 0;   ///< of groups
-  bool more = true;         ///< there may be groups behind `done`
-  bool answered = false;    ///< the answer is known
-  bool blocked = false;     ///< of occludedHere(): something is there
+  RayHit best = nothing();    ///< so far; its t is along the ray as Embree has it until `answered`
+  Group groups[kGroups];      ///< whose pages were not there, nearest first
+  Group done;                 ///< all groups up to this one were met, but for those above
+  std::uint8_t count = 0;     ///< of groups
+  bool more : 1 = true;       ///< there may be groups behind `done`
+  bool answered : 1 = false;  ///< the answer is known
+  bool blocked : 1 = false;   ///< of occludedHere(): something is there
+  bool passed : 1 = false;    ///< of that: something that lets light pass was met (not if blocked)
 
   bool hit() const { return best.cluster != hccm::Hit::kNothing; }
   /// The page that it waits for.

@@ -98,7 +98,7 @@ void PathTracer::emit(WavePath& path) const {
   const float density = bsdf.unlit() ? kInfinity : path.density(),
               travelled = path.travelled + path.hit.t;
   const float weight = emitterWeight(density, path.left, path.lastPoint(), way, travelled,
-                                     path.direction, path.surface, path.hit);
+                                     path.direction, path.surface, path.hit, path.emitter);
   const vec3 light = path.throughput * bsdf.emission() * weight;
   if (path.coneRay && path.coupled && density < kInfinity && travelled > nearField()) {
     // In place of a cone, which gathers no emission (ask()): the exact path's alone.

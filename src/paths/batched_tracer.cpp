@@ -15,7 +15,10 @@ struct BatchedTracer::Batch {
   std::uint32_t width;
   std::span<PathSample> samples;
   std::span<RayCounts> counts;
-  WaitingPath* paths;  ///< by job; made when the path begins
+  // By job; made when they are needed. lights, media: where the scene asks for them, else null.
+  WaitingPath* paths;
+  WaitingLight* lights;
+  MediumLight* media;
   PageRounds* rounds;
 };
 
@@ -36,6 +39,8 @@ struct BatchedTracer::Worker {
   void begin(std::uint32_t job);
   WavePath& enter(std::uint32_t job, const PathState& state, const Sampler& sampler);
   bool settle(WavePath& path);
+  bool arrives(WavePath& path);
+  bool lightHere(std::uint32_t job);
   bool scatter(WavePath& path);
   bool trace(WavePath& path);
   void detach(WavePath& path);
@@ -70,9 +75,9 @@ void BatchedTracer::Worker::run() {
 void BatchedTracer::Worker::answer(std::uint32_t ray) {
   WaitingPath& path = batch.paths[ray / 2];
   const bool shadow = ray % 2 != 0;
-  const bool answered = shadow ? rays.occludedHere(path.towards, path.shadow)
-                               : rays.intersectHere(path.query(), path.ray);
-  if (!answered) {
+  // What a path asks before it arrives is asked again there.
+  const bool arriving = path.arrival != Arrival::kOpen;
+  if (!arriving && !(shadow ? lightHere(ray / 2) : rays.meetHere(path.query(), path.ray))) {
     park(ray / 2, shadow);
   } else if (std::atomic_ref(path.open).fetch_sub(1) == 1) {
     ready.push_back(ray / 2);
@@ -82,9 +87,15 @@ void BatchedTracer::Worker::answer(std::uint32_t ray) {
 /// The ray waits for its page.
 void BatchedTracer::Worker::park(std::uint32_t job, bool shadow) {
   const WaitingPath& path = batch.paths[job];
-  const WaitingRay& ray = shadow ? path.shadow : path.ray;
-  const std::uint32_t page = ray.answered ? rays.pageOf(ray.best) : ray.page();
+  const std::uint32_t page = rays.awaited(shadow ? path.shadow : path.ray);
   batch.rounds->wait(2 * job + (shadow ? 1 : 0), page, done);
+}
+
+/// Whether it is known what arrives of the light that the path asks for; else its ray waits.
+bool BatchedTracer::Worker::lightHere(std::uint32_t job) {
+  WaitingPath& path = batch.paths[job];
+  return batch.lights == nullptr ? rays.occludedHere(path.towards, path.shadow)
+                                 : tracer.answerHere(batch.lights[job], path.shadow, path.light);
 }
 
 WavePath& BatchedTracer::Worker::enter(std::uint32_t job, const PathState& state,
@@ -127,25 +138,27 @@ void BatchedTracer::Worker::goOn() {
   wave.paths.clear();
 }
 
-/// The light of a vertex becomes a question of its own; what is not a matter of one ray is answered
-/// at once.
+/// The light of a vertex becomes a question of its own.
 void BatchedTracer::Worker::detach(WavePath& path) {
   WaitingPath& w = batch.paths[path.job];
-  if (!path.asks || !tracer.layers_.blockOnly()) return tracer.answer(path);
+  if (!path.asks) return tracer.answer(path);
   ++path.counts->shadowRays;
   const LightQuestion& q = path.question;
   const RayEnd end = q.light.end();
-  const dvec3& start = q.start.position;
-  LightConnection way = ClearLayers::unblocked(q.light.direction, end, tracer.absorptionOf(path));
-  if (tracer.media_ != nullptr && way.reaches()) {
-    way.passed *= tracer.media_->transmittance(start, q.light.direction, end.distance);
-  }
-  w.asks = way.reaches();
-  if (w.asks) {
-    w.light = tracer.weigh(path, way);
-    const vec3 towards = end.point ? vec3(glm::normalize(*end.point - start)) : q.light.direction;
+  w.shadow = WaitingRay();
+  w.light.direct = path.scattered == 0;
+  if (batch.lights != nullptr) {
+    std::construct_at(&batch.lights[path.job], WaitingLight{tracer.asked(path)});
+    w.asks = true;
+  } else {
+    const LightConnection way = tracer.throughMedia(
+        ClearLayers::unblocked(q.light.direction, end, tracer.absorptionOf(path)), q.start,
+        q.light.direction, end);
+    w.asks = way.reaches();
+    w.light = weigh(q, path.throughput, path.coupled, w.light.direct, way, q.surface);
+    const vec3 towards =
+        end.point ? vec3(glm::normalize(*end.point - q.start.position)) : q.light.direction;
     w.towards = {q.start, towards, 0.0f, end};
-    w.shadow = WaitingRay();
   }
   if (path.caustics == nullptr) return;
   w.caustics = tracer.causticLight(path);
@@ -168,12 +181,12 @@ bool BatchedTracer::Worker::scatter(WavePath& path) {
 bool BatchedTracer::Worker::trace(WavePath& path) {
   WaitingPath& w = batch.paths[path.job];
   w.ray = WaitingRay();
+  w.arrival = Arrival::kOpen;
   if (!w.ended) w.next = tracer.nextRay(path);
   if (w.next.cone && path.paired) w.next.end = kInfinity;  // rather than twice
-  const bool lit = !w.asks || rays.occludedHere(w.towards, w.shadow);
+  const bool lit = !w.asks || lightHere(path.job);
   const bool met =
-      w.ended ||
-      rays.intersectHere({path.start, path.direction, path.tnear, RayEnd(w.next.end)}, w.ray);
+      w.ended || rays.meetHere({path.start, path.direction, path.tnear, RayEnd(w.next.end)}, w.ray);
   if (lit && met) return settle(path);
   keep(path, (lit ? 0 : 1) + (met ? 0 : 1));
   const std::uint32_t job = path.job;
@@ -190,40 +203,103 @@ void BatchedTracer::Worker::keep(const WavePath& path, int open) {
   w.open = static_cast<std::uint8_t>(open);
 }
 
-/// Both rays are answered. False if the path has ended, or waits for the page of the surface.
+/// Both rays are answered. False if the path has ended, or waits for the page of the surface or for
+/// what it asks before it arrives there.
 bool BatchedTracer::Worker::settle(WavePath& path) {
   WaitingPath& w = batch.paths[path.job];
   if (w.asks && !w.shadow.blocked) path.add(w.light);
   if (w.collects) path.add(w.caustics, w.light.direct);
   w.asks = w.collects = false;
-  const bool met = w.ray.hit();
-  const std::uint32_t page = met ? rays.pageOf(w.ray.best) : WaitingRay::kNoPage;
-  if (!w.ended && page != WaitingRay::kNoPage && !rays.parts().paged->cache().isHere(page)) {
-    keep(path, 1);
-    park(path.job, false);
+  if (w.ended) {
+    ++done.ended;
     return false;
   }
+  if (!arrives(path)) return false;
   path.hit = w.ray.best;
-  const bool goesOn = !w.ended && tracer.takeHit(path, wave, w.next, met);
+  const bool goesOn = tracer.takeHit(path, wave, w.next, w.ray.hit());
   if (!goesOn) ++done.ended;
   return goesOn;
+}
+
+/// What a path asks at the end of its ray: light that media scatter on the way there, and how light
+/// of what shines there could have been sampled through glass. False if it waits for a page. What
+/// it waits for is met as soon as it is there, whatever else may be gone then.
+bool BatchedTracer::Worker::arrives(WavePath& path) {
+  WaitingPath& w = batch.paths[path.job];
+  const auto wait = [&](bool shadow) {
+    keep(path, 1);
+    park(path.job, shadow);
+    return false;
+  };
+  // A cone has asked the media already.
+  MediumLight* const medium =
+      batch.media == nullptr || w.next.cone ? nullptr : &batch.media[path.job];
+  if (w.arrival == Arrival::kOpen) {
+    w.arrival = Arrival::kMedium;
+    w.shadow = WaitingRay();
+    if (medium != nullptr) {
+      std::construct_at(medium);
+      tracer.drawMedium(path, w.ray.hit() ? w.ray.best.t : kInfinity, *medium);
+    }
+  }
+  if (w.arrival == Arrival::kMedium) {
+    if (medium != nullptr && !tracer.lightMedium(*medium, &w.shadow)) return wait(true);
+    w.arrival = Arrival::kSurface;
+  }
+  const bool asksAgain = w.arrival == Arrival::kEmitter;
+  if (!asksAgain && w.ray.hit() && !rays.surfaceIsHere(w.ray.best)) return wait(false);
+  if (w.arrival == Arrival::kSurface) {
+    w.arrival = Arrival::kReady;
+    w.emitter =
+        batch.lights != nullptr && w.ray.hit() && tracer.asksEmitter(path, w.ray.best, w.towards);
+    if (w.emitter) {
+      w.arrival = Arrival::kEmitter;
+      w.shadow = WaitingRay();
+      batch.lights[path.job].way = WaitingConnection();
+    }
+  }
+  if (w.arrival == Arrival::kEmitter) {
+    const RayQuery& q = w.towards;
+    if (!tracer.layers_.connectHere(q.start, q.direction, q.end, vec3(0.0f), w.shadow,
+                                    batch.lights[path.job].way))
+      return wait(true);
+    w.arrival = Arrival::kReady;
+    if (!rays.surfaceIsHere(w.ray.best)) return wait(false);
+  }
+  path.medium = medium;
+  path.emitter = w.emitter ? &batch.lights[path.job].way.found : nullptr;
+  return true;
 }
 
 BatchedTracer::BatchedTracer(const PathTracer& tracer, const RayScene& rays, LoadChoice& choice,
                              TrafficRecord* record)
     : tracer_(tracer), rays_(rays), choice_(choice), record_(record) {}
 
-std::uint64_t BatchedTracer::bytesAPath() {
-  return sizeof(WaitingPath) + 2 * PageQueues::bytesARay();
+std::uint64_t BatchedTracer::bytesAPath(const Scene& scene) {
+  return sizeof(WaitingPath) + 2 * PageQueues::bytesARay() +
+         (ClearLayers::blockOnly(scene) ? 0 : sizeof(WaitingLight)) +
+         (scene.media.empty() ? 0 : sizeof(MediumLight));
 }
 
 namespace {
 
-struct FreePaths {
-  std::size_t count;
-  void operator()(WaitingPath* paths) const {
-    std::allocator<WaitingPath>().deallocate(paths, count);
+/// Memory of so many records, none of which is made.
+template <typename Record>
+class Records {
+ public:
+  explicit Records(std::size_t count)
+      : count_(count), first_(count > 0 ? std::allocator<Record>().allocate(count) : nullptr) {}
+  ~Records() {
+    if (first_ != nullptr) std::allocator<Record>().deallocate(first_, count_);
   }
+  Records(const Records&) = delete;
+  Records& operator=(const Records&) = delete;
+  Record* first() const { return first_; }
+
+ private:
+  static_assert(std::is_trivially_destructible_v<Record>);
+  std::size_t count_;
+  Record* first_;
 };
 
 }  // namespace
@@ -231,10 +307,11 @@ struct FreePaths {
 bool BatchedTracer::trace(std::span<const PathJob> jobs, std::uint32_t width,
                           std::span<PathSample> samples, std::span<RayCounts> counts,
                           std::vector<ConeRequest>& cones, const std::function<bool()>& giveUp) {
-  const std::unique_ptr<WaitingPath, FreePaths> paths(
-      std::allocator<WaitingPath>().allocate(jobs.size()), FreePaths{jobs.size()});
+  const Records<WaitingPath> paths(jobs.size());
+  const Records<WaitingLight> lights(tracer_.layers_.blockOnly() ? 0 : jobs.size());
+  const Records<MediumLight> media(tracer_.media_ == nullptr ? 0 : jobs.size());
   PageRounds rounds(rays_, choice_, record_, jobs.size(), 2 * jobs.size(), giveUp);
-  Batch batch{jobs, width, samples, counts, paths.get(), &rounds};
+  Batch batch{jobs, width, samples, counts, paths.first(), lights.first(), media.first(), &rounds};
   std::mutex merging;
   const bool whole = rounds.run([&](unsigned thread) {
     Worker worker{tracer_, rays_, batch};

@@ -6,8 +6,9 @@
 // 2017]. Samples have the bits of PathTracer::trace(): what a ray meets does not depend on what was
 // there when, and a path adds up in its own order.
 //
-// What is rare is not put off but waited for: rays through glass, alpha and media towards lights,
-// and the short ones that leave a smooth surface.
+// Rays towards lights wait as well, through glass, alpha and media too: there the record of a path
+// has a second part, with the question. What is rare is not put off but waited for: the short rays
+// that leave a smooth surface, those of shadow cones, and emitters that media see through glass.
 #pragma once
 
 #include <cstdint>
@@ -28,8 +29,8 @@ class BatchedTracer {
   /// `record` may be null.
   BatchedTracer(const PathTracer& tracer, const RayScene& rays, LoadChoice& choice,
                 TrafficRecord* record = nullptr);
-  /// Memory of a path under way, bytes, without its sample.
-  static std::uint64_t bytesAPath();
+  /// Memory of a path under way in a scene, bytes, without its sample.
+  static std::uint64_t bytesAPath(const Scene& scene);
 
   /// As PathTracer::trace(), with all threads of the calling oneTBB arena. All jobs are under way
   /// at once: bytesAPath() each. Cone requests have the order of jobs. `giveUp`, asked all the time

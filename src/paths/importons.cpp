@@ -1,8 +1,5 @@
 #include "src/paths/importons.h"
 
-#include <tbb/blocked_range.h>
-#include <tbb/parallel_for.h>
-
 #include "src/crays/bsdf.h"
 #include "src/crays/clear_path.h"
 #include "src/crays/microfacet.h"
@@ -144,6 +141,39 @@ struct SunRays {
   }
 };
 
+/// The same where glass or alpha may be on the way: ClearLayers::connect() of what is endless, as
+/// walks.
+struct ClearSunRays {
+  struct State : Walk {
+    ClearWalk clear{};
+  };
+  using Found = FindsNothing;
+  static constexpr bool kAnyHit = false;
+
+  const ClearLayers& layers;
+  SunRays suns;
+
+  static Sampler sampler(std::uint32_t walk) { return SunRays::sampler(walk); }
+  static void await(const Surface&) {}
+  bool begin(State& walk, Sampler& sampler) const {
+    if (!suns.begin(walk, sampler)) return false;
+    walk.clear = {.start = walk.start, .direction = walk.direction};
+    return true;
+  }
+  bool advance(State& walk, Sampler&, const WalkEnd& end, WalkFindings<FindsNothing>&) const {
+    if (!end.met()) {
+      suns.lit[walk.number] = walk.clear.path.straight(walk.direction);
+      return false;
+    }
+    walk.clear.advance(end.distance);
+    if (++walk.clear.layers == ClearLayers::kMost || !layers.pass(end.surface, walk.clear))
+      return false;
+    walk.start = walk.clear.start;
+    walk.direction = walk.clear.direction;
+    return true;
+  }
+};
+
 }  // namespace
 
 ImportanceMap traceImportons(const Scene& scene, const WalkTracer& walks, const CameraRays& camera,
@@ -164,16 +194,13 @@ void hintGuides(const Scene& scene, const WalkTracer& walks, const LightSet& lig
   const std::vector<ImportanceMap::Reader>& readers = importance.readers();
   const auto seers = [&](const vec3& towards) {
     std::vector<std::uint8_t> lit(readers.size(), 0);
+    const auto count = static_cast<std::uint32_t>(readers.size());
+    const SunRays suns{readers, towards, lit};
     if (layers.blockOnly()) {
-      walks.follow(SunRays{readers, towards, lit}, static_cast<std::uint32_t>(readers.size()));
-      return lit;
+      walks.follow(suns, count);
+    } else {
+      walks.follow(ClearSunRays{layers, suns}, count);
     }
-    tbb::parallel_for(tbb::blocked_range<std::size_t>(0, lit.size(), 256), [&](const auto& range) {
-      for (std::size_t i = range.begin(); i < range.end(); ++i) {
-        lit[i] = glm::dot(readers[i].normal, towards) < 0.0f &&
-                 layers.connect(readers[i].start, -towards).reaches();
-      }
-    });
     return lit;
   };
   lights.hint(importance, seers, guides);

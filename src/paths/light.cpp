@@ -5,6 +5,8 @@
 #include <cmath>
 #include <span>
 
+#include "src/crays/waiting_ray.h"
+#include "src/paths/waiting_path.h"
 #include "src/paths/wave.h"
 
 namespace trex {
@@ -21,6 +23,21 @@ float lightWeight(const LightSample& light, float pdf, float scattered) {
 }
 
 }  // namespace
+
+LightAnswer weigh(const LightQuestion& q, const vec3& throughput, bool coupled, bool direct,
+                  const LightConnection& way, const BsdfValue& surface) {
+  const LightSample& light = q.light;
+  const float pdf = light.pdfBy(way);
+  const vec3 unweighted = throughput * surface.f * light.radiance * way.passed / pdf;
+  const float weight = lightWeight(light, pdf, surface.pdf),
+              guessWeight = q.farEmitter ? 1.0f : weight;
+  LightAnswer answer;
+  answer.exact = unweighted * weight;
+  answer.direct = direct;
+  answer.apart = q.coneShadow || (coupled && guessWeight != weight);
+  if (answer.apart) answer.guess = q.coneShadow ? vec3(0.0f) : unweighted * guessWeight;
+  return answer;
+}
 
 /// Next event estimation: chooses one light for each path that is lit, and asks for it.
 void PathTracer::ask(Wave& wave) const {
@@ -114,7 +131,9 @@ void PathTracer::takeAnswer(WavePath& path) const {
   const LightQuestion& q = path.question;
   const LightConnection way =
       connect(path, q.start, q.light.direction, q.light.end(), absorptionOf(path));
-  if (way.reaches()) path.add(weigh(path, way));
+  if (!way.reaches()) return;
+  const BsdfValue surface = way.refracted ? bsdfOf(path).value(way.direction, q.kind) : q.surface;
+  path.add(weigh(q, path.throughput, path.coupled, path.scattered == 0, way, surface));
 }
 
 /// Of the volume that the question's ray goes through, 1/m.
@@ -124,21 +143,31 @@ vec3 PathTracer::absorptionOf(const WavePath& path) const {
              : path.bsdf->absorptionTowards(path.question.light.direction, path.absorption);
 }
 
-/// The light of a question that arrives by `way`.
-LightAnswer PathTracer::weigh(WavePath& path, const LightConnection& way) const {
-  const LightQuestion& q = path.question;
-  const LightSample& light = q.light;
-  const BsdfValue surface = way.refracted ? bsdfOf(path).value(way.direction, q.kind) : q.surface;
-  const float pdf = light.pdfBy(way);
-  const vec3 unweighted = path.throughput * surface.f * light.radiance * way.passed / pdf;
-  const float weight = lightWeight(light, pdf, surface.pdf),
-              guessWeight = q.farEmitter ? 1.0f : weight;
-  LightAnswer answer;
-  answer.exact = unweighted * weight;
-  answer.direct = path.scattered == 0;
-  answer.apart = q.coneShadow || (path.coupled && guessWeight != weight);
-  if (answer.apart) answer.guess = q.coneShadow ? vec3(0.0f) : unweighted * guessWeight;
-  return answer;
+/// The question of a path, which may go on before it is answered.
+AskedLight PathTracer::asked(const WavePath& path) const {
+  return {path.question,  path.throughput, absorptionOf(path), path.hit,
+          path.direction, path.coupled,    path.scattered == 0};
+}
+
+/// The answer, none if `ray` is blocked. False if it waits for a page.
+bool PathTracer::answerHere(WaitingLight& light, WaitingRay& ray, LightAnswer& answer) const {
+  const AskedLight& a = light.asked;
+  const LightQuestion& q = a.question;
+  const RayEnd end = q.light.end();
+  if (!layers_.connectHere(q.start, q.light.direction, end, a.absorption, ray, light.way))
+    return false;
+  const LightConnection way = throughMedia(light.way.found, q.start, q.light.direction, end);
+  ray.blocked = !way.reaches();
+  if (ray.blocked) return true;
+  BsdfValue surface = q.surface;
+  if (way.refracted) {
+    ray.best = a.at;
+    ray.answered = true;
+    if (!rays_.surfaceIsHere(a.at)) return false;
+    surface = Bsdf(scene_, rays_.surface(a.at), -a.incoming).value(way.direction, q.kind);
+  }
+  answer = weigh(q, a.throughput, a.coupled, a.direct, way, surface);
+  return true;
 }
 
 /// The shadow cone of a large light, which brings `radiance` if nothing is in its way.
@@ -179,19 +208,37 @@ void PathTracer::shadowCone(WavePath& path, const vec3& radiance, Wave& wave) co
 LightConnection PathTracer::connect(WavePath& path, const RayStart& start, const vec3& direction,
                                     const RayEnd& end, const vec3& absorption) const {
   ++path.counts->shadowRays;
-  LightConnection way = layers_.connect(start, direction, end, absorption);
+  return throughMedia(layers_.connect(start, direction, end, absorption), start, direction, end);
+}
+
+/// Media dim it, too.
+LightConnection PathTracer::throughMedia(LightConnection way, const RayStart& start,
+                                         const vec3& direction, const RayEnd& end) const {
   if (media_ != nullptr && way.reaches()) {
     way.passed *= media_->transmittance(start.position, direction, end.distance);
   }
   return way;
 }
 
+/// Whether emitterWeight() will ask for the way of light from what a ray has met, by what.
+bool PathTracer::asksEmitter(const WavePath& path, const RayHit& hit, RayQuery& query) const {
+  if (!path.clear.begun()) return false;
+  const Surface surface = rays_.surface(hit);
+  const Bsdf bsdf(scene_, surface, -path.direction);
+  if (bsdf.unlit() || !(maxComponent(bsdf.emission()) > 0.0f) || !(path.density() < kInfinity))
+    return false;
+  query = {path.left, path.clear.direction(), 0.0f,
+           RayEnd(glm::length(vec3(surface.position - path.left.position)), surface.position)};
+  return true;
+}
+
 /// Share of an emitter's light that falls to a path from a vertex, where light sampling may find it
 /// too. `density` as PathState::density(), `left` where the ray left the vertex, `travelled` metres
-/// to it by `way`.
+/// to it by `way`. `connection`: what asksEmitter() asked for, or null.
 float PathTracer::emitterWeight(float density, const RayStart& left, const LightPoint& vertex,
                                 const ClearPath& way, float travelled, const vec3& direction,
-                                const Surface& surface, const RayHit& hit) const {
+                                const Surface& surface, const RayHit& hit,
+                                const LightConnection* connection) const {
   if (!(density < kInfinity)) return 1.0f;
   const float cosine = std::abs(glm::dot(surface.geometricNormal, direction));
   const auto sampled = [&](float distance) {
@@ -201,7 +248,8 @@ float PathTracer::emitterWeight(float density, const RayStart& left, const Light
   // Light sampling chooses along the straight line; what counts is its density on this way, which
   // it need not find: by the edge of a thick pane it may see another one, or none.
   const RayEnd end(glm::length(vec3(surface.position - left.position)), surface.position);
-  const LightConnection found = layers_.connect(left, way.direction(), end);
+  const LightConnection found =
+      connection != nullptr ? *connection : layers_.connect(left, way.direction(), end);
   constexpr float kSame = 4.0f * ClearPath::kStraight;
   if (!found.reaches() || glm::length(found.direction - way.direction()) > kSame) return 1.0f;
   const auto distance = static_cast<float>(glm::length(surface.position - vertex.position()));

@@ -7,11 +7,29 @@
 namespace trex {
 namespace {
 
-constexpr int kSteps = 2;             // of the forecast, as of the simulated scheduler
-constexpr double kFirstBytes = 50e6;  // a second, until some were measured
-constexpr double kFirstRays = 5e5;    // likewise
+constexpr int kSteps = 2;               // of the forecast, as of the simulated scheduler
+constexpr double kFirstBytes = 50e6;    // a second, until some were measured
+constexpr double kFirstRays = 5e5;      // likewise
+constexpr double kFirstUnpacked = 1e8;  // bytes, likewise
 constexpr std::uint64_t kPlansAFit = 16;
 constexpr double kPatience = 0.5;  // see worth(); of 0, 0.1 and 0.5 that with fewest loads
+
+struct Ranked {
+  double value;  ///< the less the sooner
+  std::uint32_t page;
+};
+
+/// The first so many, in order.
+std::vector<std::uint32_t> firstOf(std::vector<Ranked>& all, std::size_t most) {
+  const std::size_t count = std::min(most, all.size());
+  std::partial_sort(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(count), all.end(),
+                    [](const Ranked& a, const Ranked& b) {
+                      return a.value != b.value ? a.value < b.value : a.page < b.page;
+                    });
+  std::vector<std::uint32_t> out;
+  for (std::size_t i = 0; i < count; ++i) out.push_back(all[i].page);
+  return out;
+}
 
 /// The newest samples, in any order.
 void keep(std::vector<schedule::TimingSample>& samples, std::size_t& next, std::size_t most,
@@ -38,7 +56,7 @@ LoadChoice::LoadChoice(const hccm::PageTable& table, bool predict)
   graph_.memories = {{"disk"}, {"memory"}};
   graph_.channels = {{"pages", kFirstBytes, 0.0, {{0, 1}}}};
   graph_.devices = {{"tracing", 1, 1}};
-  timing_.set(0, 0, {0.0, {1.0 / kFirstRays}});
+  timing_.set(0, 0, {0.0, {1.0 / kFirstRays, 1.0 / kFirstUnpacked}});
 }
 
 void LoadChoice::begin(const hccm::PageCache& cache, const PageQueues& queues,
@@ -47,7 +65,10 @@ void LoadChoice::begin(const hccm::PageCache& cache, const PageQueues& queues,
   queues_ = &queues;
   record_ = record;
   chosen_.clear();
+  ahead_.clear();
   going_.clear();
+  toBegin_ = 0;
+  ++changes_;
   for (Page& p : pages_) p.uses = 0, p.coming = false;
   look();
 }
@@ -67,6 +88,7 @@ void LoadChoice::expect() {
   for (Page& p : pages_) p.expected = 0.0;
   if (!predict_) return;
   std::vector<double> queued(blocks_ + 1);
+  queued[blocks_] = static_cast<double>(toBegin_);
   for (std::uint32_t p = 0; p < pages_.size(); ++p) queued[blockOf(p)] += queues_->waiting(p);
   const std::vector<double> coming = forecast_.coming(queued, kSteps);
   for (std::uint32_t p = 0; p < pages_.size(); ++p) {
@@ -75,7 +97,7 @@ void LoadChoice::expect() {
   }
 }
 
-/// Of loading a page now. Rays that are still to come are a reason to wait for them.
+/// Rays that are still to come are a reason to wait for them.
 double LoadChoice::worth(std::uint32_t page) const {
   const double rays = queues_->waiting(page);
   return std::max(rays - kPatience * pages_[page].expected, 1e-3 * rays);
@@ -86,62 +108,79 @@ std::vector<std::uint32_t> LoadChoice::candidates() const {
   std::vector<Ranked> wanted;
   for (std::uint32_t p = 0; p < pages_.size(); ++p) {
     if (queues_->waiting(p) == 0 || pages_[p].coming || cache_->isHere(p)) continue;
-    wanted.push_back({worth(p), p});
+    wanted.push_back({-worth(p), p});
   }
-  const std::size_t count = std::min(kCandidates, wanted.size());
-  std::partial_sort(wanted.begin(), wanted.begin() + static_cast<std::ptrdiff_t>(count),
-                    wanted.end(), [](const Ranked& a, const Ranked& b) {
-                      return a.value != b.value ? a.value > b.value : a.page < b.page;
-                    });
-  std::vector<std::uint32_t> out;
-  for (std::size_t i = 0; i < count; ++i) out.push_back(wanted[i].page);
-  return out;
+  return firstOf(wanted, kCandidates);
 }
 
-/// Pages that are there and that no ray waits for, those that are needed least.
+/// Absent pages that no ray waits for yet, where most are expected.
+std::vector<std::uint32_t> LoadChoice::expectedMost() const {
+  std::vector<Ranked> coming;
+  for (std::uint32_t p = 0; p < pages_.size(); ++p) {
+    if (pages_[p].expected < kLeastAhead || pages_[p].coming) continue;
+    if (queues_->waiting(p) == 0 && !cache_->isHere(p)) coming.push_back({-pages_[p].expected, p});
+  }
+  return firstOf(coming, kCandidates);
+}
+
+/// It is there, and no ray waits for it or is traced against it.
+bool LoadChoice::mayGo(std::uint32_t page) const {
+  return pages_[page].uses == 0 && queues_->waiting(page) == 0 && cache_->isHere(page);
+}
+
+/// Pages that may go, those that are needed least.
 std::vector<std::uint32_t> LoadChoice::leastNeeded() const {
   std::vector<Ranked> free;
   for (const std::uint32_t page : here_) {
     const Page& p = pages_[page];
-    if (p.uses > 0 || queues_->waiting(page) > 0 || !cache_->isHere(page)) continue;
+    if (!mayGo(page)) continue;
     // Of equals that which was used longest ago.
     free.push_back(
         {p.expected + static_cast<double>(p.last) / static_cast<double>(clock_ + 1), page});
   }
-  const std::size_t count = std::min(kVictims, free.size());
-  std::partial_sort(free.begin(), free.begin() + static_cast<std::ptrdiff_t>(count), free.end(),
-                    [](const Ranked& a, const Ranked& b) { return a.value < b.value; });
-  std::vector<std::uint32_t> out;
-  for (std::size_t i = 0; i < count; ++i) out.push_back(free[i].page);
-  return out;
+  return firstOf(free, kVictims);
 }
 
-/// Times as they were lately.
+/// Times as they were lately: a job unpacks its page, then traces its rays.
 void LoadChoice::fit() {
   if (plans_++ % kPlansAFit != 0) return;
-  if (traced_.size() >= 8) timing_.set(0, 0, schedule::fitLinear(traced_));
+  if (traced_.size() >= 8 && unpacked_.size() >= 8) {
+    const schedule::LinearTime rays = schedule::fitLinear(traced_),
+                               bytes = schedule::fitLinear(unpacked_);
+    timing_.set(0, 0, {rays.setup + bytes.setup, {rays.rates[0], bytes.rates[0]}});
+  }
   if (brought_.size() < 8) return;
   const schedule::LinearTime t = schedule::fitLinear(brought_);
   graph_.channels[0].latency = t.setup;
   graph_.channels[0].bandwidth = 1.0 / std::max(t.rates[0], 1e-12);
 }
 
-/// Plans loads, as many as kAhead or so.
+/// What is read next: as planned, and ahead of that.
 void LoadChoice::choose() {
+  planned_ = changes_;
   if (cache_->statistics().loads != loads_) look();
   expect();
   fit();
-  const std::vector<std::uint32_t> wanted = candidates(), free = leastNeeded();
-  if (wanted.empty()) return;
+  chosen_.clear();
+  ahead_.clear();
+  if (readsAhead()) ahead_ = expectedMost();
+  std::reverse(ahead_.begin(), ahead_.end());
+  const std::vector<std::uint32_t> wanted = candidates();
+  if (!wanted.empty()) planLoads(wanted);
+}
+
+/// Plans their loads.
+void LoadChoice::planLoads(const std::vector<std::uint32_t>& wanted) {
+  const std::vector<std::uint32_t> free = leastNeeded();
   schedule::State s;
   s.now = secondsNow();
   double bytes = 0.0, room = static_cast<double>(cache_->limit() - cache_->statistics().bytes);
   for (const std::uint32_t page : wanted) {
-    const double rays = queues_->waiting(page);
+    const double rays = queues_->waiting(page), size = static_cast<double>(bytesOf(page));
     s.jobs.push_back(
-        {0, {static_cast<std::uint32_t>(s.items.size())}, {rays}, worth(page), 0.0, 0.0});
-    s.items.push_back({static_cast<double>(bytesOf(page)), 1, false, 0.0, 0.0});
-    bytes += s.items.back().bytes;
+        {0, {static_cast<std::uint32_t>(s.items.size())}, {rays, size}, worth(page), 0.0, 0.0});
+    s.items.push_back({size, 1, false, 0.0, 0.0});
+    bytes += size;
   }
   for (const std::uint32_t page : free) {
     const double need = pages_[page].expected +
@@ -154,14 +193,13 @@ void LoadChoice::choose() {
   s.graph = &graph_;
   s.routes = &routes;
   s.timing = &timing_;
-  s.horizon = kAhead * graph_.channels[0].seconds(bytes / static_cast<double>(wanted.size()));
+  s.horizon = schedule::kNever;
   schedule::Schedule made = schedule::plan(s, {});
   std::sort(made.fetches.begin(), made.fetches.end(),
             [](const auto& a, const auto& b) { return a.start < b.start; });
   const auto pageOf = [&](std::uint32_t item) {
     return item < wanted.size() ? wanted[item] : free[item - wanted.size()];
   };
-  chosen_.clear();
   going_.clear();
   for (const schedule::Fetch& f : made.fetches) {
     chosen_.push_back(pageOf(f.item));
@@ -184,49 +222,58 @@ std::optional<std::uint32_t> LoadChoice::next() {
       pages_[page].coming = true;
       return page;
     }
-    if (turn == 0) choose();
+    if (turn == 0 && changes_ != planned_) choose();
   }
   return {};
 }
 
-void LoadChoice::putBack(std::uint32_t page) {
-  pages_[page].coming = false;
-  chosen_.push_back(page);
+std::optional<std::uint32_t> LoadChoice::ahead() {
+  while (!ahead_.empty()) {
+    const std::uint32_t page = ahead_.back();
+    ahead_.pop_back();
+    if (cache_->isHere(page) || pages_[page].coming) continue;
+    pages_[page].coming = true;
+    return page;
+  }
+  return {};
+}
+
+void LoadChoice::read(std::uint32_t page, double seconds) {
+  // Not a mean: a thread that lost its processor has not met a slow disk.
+  readSeconds_ = std::clamp(readSeconds_ * (seconds > readSeconds_ ? 1.1 : 1.0 / 1.1), 1e-6, 1.0);
+  keep(brought_, broughtNext_, kSamples, static_cast<double>(bytesOf(page)), seconds);
 }
 
 void LoadChoice::loaded(std::uint32_t page, double seconds) {
   Page& p = pages_[page];
+  ++changes_;
   p.coming = false;
   p.last = ++clock_;
   if (!p.here) here_.push_back(page);
   p.here = true;
   ++loads_;
-  keep(brought_, broughtNext_, kSamples, static_cast<double>(bytesOf(page)), seconds);
+  keep(unpacked_, unpackedNext_, kSamples, static_cast<double>(bytesOf(page)), seconds);
 }
 
 std::optional<std::uint32_t> LoadChoice::victim() {
-  const auto mayGo = [&](std::uint32_t page) {
-    return pages_[page].uses == 0 && queues_->waiting(page) == 0 && cache_->isHere(page);
-  };
-  while (!going_.empty()) {
-    const std::uint32_t page = going_.back();
-    going_.pop_back();
-    if (mayGo(page)) return page;
-  }
   // Counts of loads do not tell of all that stages loaded: ours may have found its page there.
-  for (int turn = 0; turn < 2; ++turn) {
-    if (turn > 0 || cache_->statistics().loads != loads_) look();
-    std::optional<std::uint32_t> best;
-    for (const std::uint32_t page : here_) {
-      if (mayGo(page) && (!best || pages_[page].last < pages_[*best].last)) best = page;
+  for (int turn = 0; turn < 3; ++turn) {
+    while (!going_.empty()) {
+      const std::uint32_t page = going_.back();
+      going_.pop_back();
+      if (mayGo(page)) return page;
     }
-    if (best) return best;
+    if (turn == 2) break;
+    if (turn == 1 || cache_->statistics().loads != loads_) look();
+    going_ = leastNeeded();
+    std::reverse(going_.begin(), going_.end());
   }
   return {};
 }
 
 void LoadChoice::used(std::uint32_t page, std::size_t rays, double seconds,
                       std::span<const std::uint32_t> waitsNow) {
+  ++changes_;
   std::uint32_t from = blocks_;
   if (page != kBegin) {
     --pages_[page].uses;

@@ -1,11 +1,12 @@
-// Which page is loaded next, and which goes: decisions, no threads.
+// Which page is read next, which is unpacked, and which goes: decisions, no threads.
 //
 // The planner of src/schedule chooses, as it does for simulated machines: jobs are pages that rays
-// wait for; the machine is one channel that brings pages and one device that traces, with times
-// fitted to what was measured so far. Blocks, runs of pages that lie close together, are the
+// wait for, to be unpacked and traced; the machine is one channel that reads and one device, with
+// times fitted to what was measured so far. Blocks, runs of pages that lie close together, are the
 // stations of the forecast: shares of the rays traced in a block that went on to wait in each other
-// one. What is expected says which pages stay, and which are better loaded once more rays wait:
-// loads are what takes the time, and nobody minds a ray that waits.
+// one. What is expected says which pages stay, which are better loaded once more rays wait (loads
+// are what takes the time, and nobody minds a ray that waits), and which are read before any ray
+// waits, where the channel has nothing else to do.
 #pragma once
 
 #include <cstdint>
@@ -27,16 +28,28 @@ class LoadChoice {
   /// Paths that begin come from here.
   static constexpr std::uint32_t kBegin = 0xffffffffu;
 
-  /// `predict`: rays that are expected count, too; else those alone that wait, and what was used
-  /// longest ago goes first. The table outlives it.
+  /// `predict`: rays that are expected count, too; else those alone that wait, what was used
+  /// longest ago goes first, and nothing is read ahead. The table outlives it.
   explicit LoadChoice(const hccm::PageTable& table, bool predict = true);
 
   /// A set of paths begins. `record` (may be null) takes down what is planned.
   void begin(const hccm::PageCache& cache, const PageQueues& queues, TrafficRecord* record);
-  /// The page to load now, taken to be on its way from here on; none if no ray waits for one.
+  /// So many paths are still to begin.
+  void toBegin(std::uint64_t paths) { toBegin_ = paths; }
+  /// Pages may have gone without a word.
+  void lookAgain() { ++changes_; }
+  /// The page to read now, taken to be on its way from here on; none if no ray waits for one.
   std::optional<std::uint32_t> next();
-  /// It was not loaded after all.
-  void putBack(std::uint32_t page);
+  /// That where most rays are expected, though none waits for it yet; as next().
+  std::optional<std::uint32_t> ahead();
+  /// It is not on its way after all.
+  void putBack(std::uint32_t page) { pages_[page].coming = false; }
+  /// Of having it in memory now, rays; 0 if none waits for it.
+  double worth(std::uint32_t page) const;
+  /// Rays that are still to come there, as of the last plan.
+  double expected(std::uint32_t page) const { return pages_[page].expected; }
+  /// It was read, and unpacked.
+  void read(std::uint32_t page, double seconds);
   void loaded(std::uint32_t page, double seconds);
   /// The page to give up; none if all that are there are in use.
   std::optional<std::uint32_t> victim();
@@ -48,13 +61,20 @@ class LoadChoice {
   std::uint64_t bytesOf(std::uint32_t page) const {
     return hccm::PageCache::bytesOf(table_.pages[page]);
   }
+  /// Whether pages had better be read before a thread needs them: a read takes long, as most of
+  /// them lately did. Not without prediction.
+  bool readsAhead() const { return predict_ && readSeconds_ > kSlow; }
+  double readSeconds() const { return readSeconds_; }
+  std::uint32_t packedBytesOf(std::uint32_t page) const { return table_.pages[page].packedBytes; }
 
  private:
-  static constexpr std::size_t kCandidates = 32;  ///< of a plan
+  static constexpr std::size_t kCandidates = 24;  ///< of a plan
   static constexpr std::size_t kVictims = 48;     ///< that it may give up
-  static constexpr double kAhead = 24;            ///< loads that are planned at a time, about
   static constexpr std::uint32_t kBlocks = 128;   ///< at most
   static constexpr std::size_t kSamples = 128;    ///< that times are fitted to
+
+  static constexpr double kSlow = 4e-5;       ///< seconds of a read; from memory it takes 1e-5
+  static constexpr double kLeastAhead = 1.0;  ///< rays that make a page worth reading ahead
 
   struct Page {
     std::uint32_t uses = 0;
@@ -63,18 +83,16 @@ class LoadChoice {
     double came = 0.0;       ///< rays that came to wait, ever
     double expected = 0.0;   ///< to come, as of the last plan
   };
-  struct Ranked {
-    double value;
-    std::uint32_t page;
-  };
   std::uint32_t blockOf(std::uint32_t page) const { return page / blockPages_; }
   void look();
   void expect();
-  double worth(std::uint32_t page) const;
+  bool mayGo(std::uint32_t page) const;
   void fit();
   std::vector<std::uint32_t> candidates() const;
+  std::vector<std::uint32_t> expectedMost() const;
   std::vector<std::uint32_t> leastNeeded() const;
   void choose();
+  void planLoads(const std::vector<std::uint32_t>& wanted);
 
   const hccm::PageTable& table_;
   const bool predict_;
@@ -87,13 +105,17 @@ class LoadChoice {
   schedule::Forecast forecast_;        ///< one station more: paths that begin
   std::vector<std::uint32_t> here_;    ///< some of which may have gone
   std::vector<std::uint32_t> chosen_;  ///< the first last
+  std::vector<std::uint32_t> ahead_;   ///< likewise
   std::vector<std::uint32_t> going_;   ///< likewise
-  std::vector<schedule::TimingSample> traced_, brought_;
-  std::size_t tracedNext_ = 0, broughtNext_ = 0;
+  std::uint64_t toBegin_ = 0;
+  double readSeconds_ = 1e-5;  ///< half of the reads take longer
+  std::vector<schedule::TimingSample> traced_, unpacked_, brought_;
+  std::size_t tracedNext_ = 0, unpackedNext_ = 0, broughtNext_ = 0;
   schedule::Graph graph_;
   schedule::TimingModel timing_{1, 1};
   std::uint64_t clock_ = 0, loads_ = 0;  ///< loads_: of the cache, that are known
   std::uint64_t plans_ = 0;
+  std::uint64_t changes_ = 0, planned_ = 0;  ///< planned_: the last one that a plan knew of
 };
 
 }  // namespace trex

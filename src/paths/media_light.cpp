@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "src/crays/waiting_ray.h"
+#include "src/paths/medium_light.h"
 #include "src/paths/wave.h"
 
 namespace trex {
@@ -10,67 +12,88 @@ namespace trex {
 /// What a path meets of media on its next `distance` metres: their emission and light that they
 /// scatter once are added, what comes after is dimmed.
 void PathTracer::passMedia(WavePath& path, float distance) const {
-  const MediaStretch s =
-      media_->stretch(path.start.position, path.direction, distance, path.sampler);
-  if (s.emission != vec3(0.0f)) path.add(path.throughput * s.emission, path.scattered <= 1);
-  if (s.scatter != vec3(0.0f) && path.turns < scene_.maxBounces) {
-    const dvec3 point = path.start.position + dvec3(path.direction) * double(s.distance);
-    const vec3 light = scatteredLight(path, point, s.anisotropy);
-    if (light != vec3(0.0f)) path.add(path.throughput * s.scatter * light, path.scattered == 0);
+  MediumLight here;
+  const MediumLight* m = path.medium;
+  if (m == nullptr) {
+    drawMedium(path, distance, here);
+    lightMedium(here, nullptr);
+    m = &here;
   }
+  const MediaStretch& s = m->stretch;
+  if (s.emission != vec3(0.0f)) path.add(path.throughput * s.emission, path.scattered <= 1);
+  const vec3 light = m->sum + m->along;
+  if (light != vec3(0.0f)) path.add(path.throughput * s.scatter * light, path.scattered == 0);
   path.throughput *= s.transmittance;
 }
 
-/// Light that arrives at a point of a medium, times the phase function towards the path: by light
-/// sampling and, for lights that rays can hit, by sampling the phase function, so that points close
-/// to a light of some size do not stand out.
-vec3 PathTracer::scatteredLight(WavePath& path, const dvec3& point, float anisotropy) const {
-  vec3 sum(0.0f);
-  LightSample light;
-  if (!lights_.empty() && lights_.sample(point, path.sampler, light)) {
-    const LightConnection way = connect(path, point, light.direction, light.end(), vec3(0.0f));
-    const float phase = henyeyGreenstein(glm::dot(way.direction, path.direction), anisotropy);
-    const float pdf = light.pdfBy(way);
-    const float weight = light.delta ? 1.0f : powerHeuristic(pdf, phase);
-    sum += light.radiance * way.passed * (phase * weight / pdf);
+/// Chooses where on a stretch media scatter light, and the two rays that look for it: to a light,
+/// and, for lights that rays can hit, by the phase function, so that points close to a light of
+/// some size do not stand out. `m` has its values at their defaults.
+void PathTracer::drawMedium(WavePath& path, float distance, MediumLight& m) const {
+  m.forward = path.direction;
+  m.stretch = media_->stretch(path.start.position, path.direction, distance, path.sampler);
+  if (m.stretch.scatter == vec3(0.0f) || path.turns >= scene_.maxBounces) return;
+  m.point = path.start.position + dvec3(path.direction) * double(m.stretch.distance);
+  m.asks = !lights_.empty() && lights_.sample(m.point, path.sampler, m.light);
+  m.looks = lights_.canBeHit();
+  if (m.looks) {
+    m.to = sampleHenyeyGreenstein(m.forward, m.stretch.anisotropy, path.sampler.next2D());
+    m.walk = {.start = m.point, .direction = m.to};
   }
-  if (lights_.canBeHit()) {
-    const vec3 to = sampleHenyeyGreenstein(path.direction, anisotropy, path.sampler.next2D());
-    const float phase = henyeyGreenstein(glm::dot(to, path.direction), anisotropy);
-    sum += lightAlong(path, point, to, phase);
-  }
-  return sum;
+  path.counts->shadowRays += (m.asks ? 1 : 0) + (m.looks ? 1 : 0);
 }
 
-/// Radiance of the light that a ray from a point of a medium meets, dimmed by media. `pdf`: density
-/// of the direction.
-vec3 PathTracer::lightAlong(WavePath& path, const dvec3& point, const vec3& direction,
-                            float pdf) const {
-  ClearWalk walk{.start = point, .direction = direction};
-  vec3 sum(0.0f);
-  ++path.counts->shadowRays;
-  for (int layer = 0; layer < ClearLayers::kMost; ++layer) {
+/// Light that arrives where a medium scatters it, times the phase function towards the path. False
+/// if a ray waits for a page; none does if `waits` is null.
+bool PathTracer::lightMedium(MediumLight& m, WaitingRay* waits) const {
+  if (m.asks) {
+    const RayEnd end = m.light.end();
+    const vec3 none(0.0f);  // is absorbed
+    if (waits == nullptr) {
+      m.way.found = layers_.connect(m.point, m.light.direction, end, none);
+    } else if (!layers_.connectHere(m.point, m.light.direction, end, none, *waits, m.way)) {
+      return false;
+    }
+    const LightConnection way = throughMedia(m.way.found, m.point, m.light.direction, end);
+    const float phase = henyeyGreenstein(glm::dot(way.direction, m.forward), m.stretch.anisotropy);
+    const float pdf = m.light.pdfBy(way);
+    const float weight = m.light.delta ? 1.0f : powerHeuristic(pdf, phase);
+    m.sum = m.light.radiance * way.passed * (phase * weight / pdf);
+    m.asks = false;
+  }
+  return !m.looks || lightAlong(m, waits);
+}
+
+/// Radiance of the light that a ray from a point of a medium meets, dimmed by media. False if the
+/// ray waits.
+bool PathTracer::lightAlong(MediumLight& m, WaitingRay* waits) const {
+  ClearWalk& walk = m.walk;
+  const float pdf = henyeyGreenstein(glm::dot(m.to, m.forward), m.stretch.anisotropy);
+  for (; walk.layers < ClearLayers::kMost; ++walk.layers) {
     RayHit hit;
-    if (!rays_.intersect(walk.start, walk.direction, 0.0f, kInfinity, hit)) {
-      if (!lights_.hasEnvironment()) return sum;
+    bool met = false;
+    if (!layers_.meet(walk, kInfinity, waits, hit, met)) return false;
+    if (!met) {
+      if (!lights_.hasEnvironment()) break;
       const float density = walk.path.straight(walk.direction) ? pdf : kInfinity;
-      const float weight = powerHeuristic(density, lights_.pdfEnvironment(point, direction));
-      return sum + walk.passed * lights_.environment(walk.direction) *
-                       (weight * media_->transmittance(point, direction, kInfinity));
+      const float weight = powerHeuristic(density, lights_.pdfEnvironment(m.point, m.to));
+      m.along += walk.passed * lights_.environment(walk.direction) *
+                 (weight * media_->transmittance(m.point, m.to, kInfinity));
+      break;
     }
     walk.advance(hit.t);
     const Surface surface = rays_.surface(hit);
     const Bsdf bsdf(scene_, surface, -walk.direction);
     if (!bsdf.unlit() && maxComponent(bsdf.emission()) > 0.0f) {
       const float weight =
-          emitterWeight(walk.path.straight(walk.direction) ? pdf : kInfinity, point, point,
-                        walk.path, walk.length, walk.direction, surface, hit);
-      sum += walk.passed * bsdf.emission() *
-             (bsdf.coverage() * weight * media_->transmittance(point, direction, walk.length));
+          emitterWeight(walk.path.straight(walk.direction) ? pdf : kInfinity, m.point, m.point,
+                        walk.path, walk.length, walk.direction, surface, hit, nullptr);
+      m.along += walk.passed * bsdf.emission() *
+                 (bsdf.coverage() * weight * media_->transmittance(m.point, m.to, walk.length));
     }
     if (!layers_.pass(surface, bsdf, walk)) break;
   }
-  return sum;
+  return true;
 }
 
 }  // namespace trex

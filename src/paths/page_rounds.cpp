@@ -12,9 +12,9 @@ PageRounds::PageRounds(const RayScene& scene, LoadChoice& choice, TrafficRecord*
                        std::uint64_t paths, std::uint64_t rays, const GiveUp& giveUp)
     : threads_(threadsAllowed()),
       queues_(scene.parts().paged->table().pages.size(), rays),
-      traffic_(scene.parts().paged->cache(), choice, queues_, paths,
-               static_cast<unsigned>(threads_), kLoaders, record),
-      giveUp_(giveUp) {}
+      traffic_(*scene.parts().paged, choice, queues_, paths, kReaders, record),
+      giveUp_(giveUp),
+      waited_(static_cast<std::size_t>(threads_)) {}
 
 bool PageRounds::run(const std::function<void(unsigned thread)>& work) {
   const double start = secondsNow();
@@ -41,6 +41,7 @@ bool PageRounds::next(PageWork& work, PageWorkDone& done, unsigned thread) {
     return false;
   }
   done.start = secondsNow();
+  waited_[thread] = hccm::PageCache::secondsWaited();
   done.ended = 0;
   done.waits.clear();
   return true;
@@ -48,6 +49,7 @@ bool PageRounds::next(PageWork& work, PageWorkDone& done, unsigned thread) {
 
 void PageRounds::finish(const PageWork& work, PageWorkDone& done, unsigned thread) {
   done.end = secondsNow();
+  done.waited = hccm::PageCache::secondsWaited() - waited_[thread];
   traffic_.done(work, done, thread);
 }
 

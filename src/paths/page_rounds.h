@@ -3,6 +3,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <vector>
 
 #include "src/crays/ray_scene.h"
 #include "src/paths/page_traffic.h"
@@ -12,8 +13,9 @@ namespace trex {
 /// For one set. The scene has a mesh in pages.
 class PageRounds {
  public:
-  /// Threads that load beside those that trace, which load when they have no other work.
-  static constexpr unsigned kLoaders = 1;
+  /// Threads that read, and hardly need a processor for it, beside those that trace. A disk has so
+  /// many requests at once.
+  static constexpr unsigned kReaders = 4;
   /// Asked all the time by all threads: whether to leave it. May be empty.
   using GiveUp = std::function<bool()>;
 
@@ -42,6 +44,7 @@ class PageRounds {
   PageQueues queues_;
   PageTraffic traffic_;
   const GiveUp& giveUp_;
+  std::vector<double> waited_;  ///< by thread: hccm::PageCache::secondsWaited() at next()
   PageTrafficReport report_;
 };
 

@@ -13,19 +13,22 @@ constexpr std::chrono::milliseconds kLookAgain(20);
 
 }  // namespace
 
-PageTraffic::PageTraffic(hccm::PageCache& cache, LoadChoice& choice, PageQueues& queues,
-                         std::uint64_t paths, unsigned tracing, unsigned loaders,
-                         TrafficRecord* record)
-    : cache_(cache),
+PageTraffic::PageTraffic(const hccm::PagedMesh& mesh, LoadChoice& choice, PageQueues& queues,
+                         std::uint64_t paths, unsigned readers, TrafficRecord* record)
+    : mesh_(mesh),
+      cache_(mesh.cache()),
       choice_(choice),
       queues_(queues),
       record_(record),
       announced_(queues.pages()),
       paths_(paths),
-      left_(paths) {
-  choice_.begin(cache, queues, record);
-  for (unsigned i = 0; i < loaders; ++i)
-    loaders_.emplace_back([this, n = tracing + i] { load(n); });
+      left_(paths),
+      packedLimit_(cache_.limit() / kPackedShare) {
+  for (const hccm::PageEntry& page : mesh.table().pages)
+    largest_ = std::max<std::uint64_t>(largest_, page.packedBytes);
+  packedLimit_ = std::max(packedLimit_, largest_ * readers);
+  choice_.begin(cache_, queues, record);
+  for (unsigned i = 0; i < readers; ++i) readers_.emplace_back([this, i] { read(i); });
 }
 
 PageTraffic::~PageTraffic() {
@@ -33,8 +36,8 @@ PageTraffic::~PageTraffic() {
     const std::lock_guard lock(mutex_);
     stop_ = true;
   }
-  room_.notify_all();
-  for (std::thread& t : loaders_) t.join();
+  disk_.notify_all();
+  for (std::thread& t : readers_) t.join();
 }
 
 void PageTraffic::giveUp() {
@@ -51,7 +54,7 @@ void PageTraffic::failLocked(std::exception_ptr error) {
   if (!failed_) failed_ = std::move(error);
   stop_ = true;
   work_.notify_all();
-  room_.notify_all();
+  disk_.notify_all();
 }
 
 void PageTraffic::rethrow() const {
@@ -68,7 +71,7 @@ bool PageTraffic::takeReady(PageWork& work) {
     if (work.rays.empty()) {
       announced_[work.page] = 0;
       if (!cache_.isHere(work.page)) {  // driven out: it will be loaded again
-        room_.notify_all();
+        disk_.notify_one();
         continue;
       }
       queues_.take(work.page, work.rays);
@@ -97,7 +100,8 @@ bool PageTraffic::next(PageWork& work, unsigned thread) {
   std::unique_lock lock(mutex_);
   while (left_ > 0 && !stop_) {
     if (takeReady(work)) return true;
-    if (loadOne(lock, thread) || announceHere()) continue;
+    if (unpackOne(lock, thread) || readHere(lock, thread) || announceHere()) continue;
+    disk_.notify_one();
     const double start = secondsNow();
     ++idle_;
     work_.wait_for(lock, kLookAgain);
@@ -115,9 +119,9 @@ void PageTraffic::done(const PageWork& work, const PageWorkDone& what, unsigned 
       work.page == PageWork::kBegin ? std::size_t{work.end - work.first} : work.rays.size();
   choice_.used(work.page, units, seconds, what.waits);
   left_ -= what.ended;
-  // There may be more pages to load, and more room.
+  report_.waiting += what.waited;
+  // There may be more room for pages.
   if (left_ == 0 || idle_ > 0) work_.notify_all();
-  if (ready_.size() < kReady) room_.notify_all();
 }
 
 void PageTraffic::wait(std::uint32_t ray, std::uint32_t page) {
@@ -145,56 +149,178 @@ bool PageTraffic::announceHere() {
   return !ready_.empty();
 }
 
-// ---- threads that load ----
+// ---- threads that trace unpack pages that were read ----
 
 /// Gives up pages until there is room. The lock is held. False if none may go now.
 bool PageTraffic::makeRoom(std::uint64_t bytes) {
-  while (cache_.statistics().bytes + loadingBytes_ + bytes > cache_.limit()) {
+  while (cache_.statistics().bytes + unpackingBytes_ + bytes > cache_.limit()) {
     const std::optional<std::uint32_t> page = choice_.victim();
     if (!page || !cache_.evict(*page)) return false;  // the latter: a stage reads it right now
   }
   return true;
 }
 
-/// Loads the page that is best, if there is one and room for it. The lock is held, but not
-/// meanwhile.
-bool PageTraffic::loadOne(std::unique_lock<std::mutex>& lock, unsigned thread) {
-  if (next_ < paths_) return false;  // more is known once all paths have begun
-  const std::optional<std::uint32_t> page = choice_.next();
-  if (!page) return false;
-  const std::uint64_t bytes = choice_.bytesOf(*page);
-  if (!makeRoom(bytes)) {
-    choice_.putBack(*page);
-    return false;
+/// Unpacks the page that is worth most, if rays wait for one that was read and there is room for
+/// it. The lock is held, but not meanwhile.
+bool PageTraffic::unpackOne(std::unique_lock<std::mutex>& lock, unsigned thread) {
+  std::size_t best = packed_.size();
+  double most = 0.0;
+  for (std::size_t i = 0; i < packed_.size(); ++i) {
+    const double worth = choice_.worth(packed_[i].page);
+    if (worth > most) most = worth, best = i;
   }
-  loadingBytes_ += bytes;
+  if (best == packed_.size()) return false;
+  const std::uint32_t page = packed_[best].page;
+  const std::uint64_t bytes = choice_.bytesOf(page);
+  if (!cache_.isHere(page) && !makeRoom(bytes)) return false;
+  Packed packed = std::move(packed_[best]);
+  if (best + 1 < packed_.size()) packed_[best] = std::move(packed_.back());
+  packed_.pop_back();
+  unpackingBytes_ += bytes;
   lock.unlock();
   const double start = secondsNow();
   std::exception_ptr failed;
   try {
-    cache_.pin(*page);
+    cache_.pin(page, packed.bytes);
   } catch (...) {
     failed = std::current_exception();
   }
   const double end = secondsNow();
-  if (record_ != nullptr) record_->loaded(thread, *page, start, end);
+  if (record_ != nullptr) record_->loaded(thread, page, start, end);
   lock.lock();
-  loadingBytes_ -= bytes;
-  choice_.loaded(*page, end - start);
-  report_.loading += end - start;
+  unpackingBytes_ -= bytes;
+  packedBytes_ -= packed.bytes.size();
+  spare_.push_back(std::move(packed.bytes));
+  choice_.loaded(page, end - start);
+  interval_ += 0.1 * (std::clamp(end - unpacked_, 1e-6, 1.0) - interval_);
+  unpacked_ = end;
+  report_.unpacking += end - start;
   ++report_.loads;
+  report_.readAhead += packed.ahead;
+  disk_.notify_one();
   if (failed) {
     failLocked(std::move(failed));
   } else {
-    announceLocked(*page);
+    announceLocked(page);
   }
   return true;
 }
 
-void PageTraffic::load(unsigned thread) {
+// ---- threads that read ----
+
+/// Forgets a page that was read.
+void PageTraffic::drop(std::size_t place) {
+  choice_.putBack(packed_[place].page);
+  packedBytes_ -= packed_[place].bytes.size();
+  ++report_.readInVain;
+  if (place + 1 < packed_.size()) packed_[place] = std::move(packed_.back());
+  packed_.pop_back();
+}
+
+/// Whether a page that rays wait for has room among those that were read; those that none waits for
+/// go for it, where least are expected first.
+bool PageTraffic::fits(std::uint64_t bytes) {
+  while (packedBytes_ > 0 && packedBytes_ + bytes > packedLimit_) {
+    std::size_t least = packed_.size();
+    for (std::size_t i = 0; i < packed_.size(); ++i) {
+      if (queues_.waiting(packed_[i].page) > 0) continue;
+      if (least == packed_.size() ||
+          choice_.expected(packed_[i].page) < choice_.expected(packed_[least].page))
+        least = i;
+    }
+    if (least == packed_.size()) return false;
+    drop(least);
+  }
+  return true;
+}
+
+/// Pages that are read and not yet unpacked, as many as will be needed while the next is read: what
+/// is chosen later is chosen better.
+std::size_t PageTraffic::depth() const {
+  if (next_ < paths_) return packed_.size() + reading_ + 1;  // there is time
+  return 2 * readers_.size() + static_cast<std::size_t>(kAhead * choice_.readSeconds() / interval_);
+}
+
+/// What to read now. The lock is held.
+std::optional<PageTraffic::Packed> PageTraffic::toRead(bool mayBeAhead) {
+  std::size_t wanted = reading_;
+  for (const Packed& p : packed_) wanted += queues_.waiting(p.page) > 0;
+  if (wanted >= depth()) return {};
+  choice_.toBegin(paths_ - next_);
+  if (!wanted_) wanted_ = choice_.next();
+  if (wanted_) {
+    const std::uint32_t page = *wanted_;
+    const std::uint64_t bytes = choice_.packedBytesOf(page);
+    if (!fits(bytes)) return {};
+    wanted_.reset();
+    packedBytes_ += bytes;
+    return Packed{page, false, {}};
+  }
+  // What nobody waits for yet drives nothing out.
+  if (!mayBeAhead || packedBytes_ + largest_ > packedLimit_) return {};
+  const std::optional<std::uint32_t> page = choice_.ahead();
+  if (!page) return {};
+  packedBytes_ += choice_.packedBytesOf(*page);
+  return Packed{*page, true, {}};
+}
+
+/// The lock is held, but not meanwhile. Seconds that it took.
+PageTraffic::Span PageTraffic::readOne(std::unique_lock<std::mutex>& lock, Packed packed) {
+  ++reading_;
+  if (!spare_.empty()) {
+    packed.bytes = std::move(spare_.back());
+    spare_.pop_back();
+  }
+  lock.unlock();
+  const double start = secondsNow();
+  std::exception_ptr failed;
+  try {
+    hccm::readPage(cache_.file(), mesh_.table(), packed.page, packed.bytes);
+  } catch (...) {
+    failed = std::current_exception();
+  }
+  const double end = secondsNow();
+  lock.lock();
+  --reading_;
+  choice_.read(packed.page, end - start);
+  report_.reading += end - start;
+  if (failed) {
+    failLocked(std::move(failed));
+  } else {
+    packed_.push_back(std::move(packed));
+    if (idle_ > 0) work_.notify_one();
+  }
+  return {start, end};
+}
+
+/// A thread without rays reads by itself what comes at once. False if there is nothing.
+bool PageTraffic::readHere(std::unique_lock<std::mutex>& lock, unsigned thread) {
+  if (choice_.readsAhead()) return false;
+  std::optional<Packed> next = toRead(false);
+  if (!next) return false;
+  const std::uint32_t page = next->page;
+  const Span span = readOne(lock, std::move(*next));
+  report_.waiting += span.end - span.start;
+  if (record_ != nullptr) record_->loaded(thread, page, span.start, span.end);
+  return true;
+}
+
+/// One reading thread looks for itself whether there is something to read; it wakes the others.
+void PageTraffic::read(unsigned reader) {
   std::unique_lock lock(mutex_);
   while (!stop_) {
-    if (ready_.size() >= kReady || !loadOne(lock, thread)) room_.wait_for(lock, kLookAgain);
+    std::optional<Packed> next;
+    if (choice_.readsAhead()) next = toRead(true);
+    if (next) {
+      disk_.notify_one();
+      const std::uint32_t page = next->page;
+      const Span span = readOne(lock, std::move(*next));
+      if (record_ != nullptr) record_->read(reader, page, span.start, span.end);
+    } else if (reader == 0) {
+      if (disk_.wait_for(lock, kLookAgain) == std::cv_status::timeout) choice_.lookAgain();
+    } else {
+      disk_.wait(lock);
+    }
   }
 }
 

@@ -1,15 +1,21 @@
-// Between rays that wait and pages that come: threads that load, and what is ready to be traced.
+// Between rays that wait and pages that come: threads that read, and what is ready to be traced.
 //
-//   rays ─► PageQueues ─► LoadChoice: which page next, which goes ─► loading threads ─► PageCache
-//                │                                                        │
-//                └──────── work: rays of a page that is there ◄───────────┘
+//   rays ─► PageQueues ─► LoadChoice: which page next ─► reading threads ─► packed pages
+//                │                                                               │ unpacked by a
+//                │                                                               ▼ thread without
+//                rays └──────── work: rays of a page that is there ◄───────────── PageCache
 //
-// Pages are loaded while rays are traced. A page stays as long as rays wait for it or are traced
+// Where the disk is slow pages are read while rays are traced, so that no thread waits for it as
+// long as it has rays to trace or a page to unpack: those that rays wait for, and, where the disk
+// has nothing else to do, those where rays are expected. Else a thread without rays reads a page by
+// itself. Unpacking takes a processor and room in the cache, so nothing is unpacked before a ray
+// waits for it. A page stays as long as rays wait for it or are traced
 // against it (but a stage that loads on demand may drive it out: then its rays wait again).
 #pragma once
 
 #include <atomic>
 #include <condition_variable>
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <exception>
@@ -26,12 +32,18 @@ namespace trex {
 
 /// What it did so far. Seconds of threads, added up.
 struct PageTrafficReport {
-  double tracing = 0.0;  ///< threads that trace, waits included
-  double waiting = 0.0;  ///< of these, for pages
-  double loading = 0.0;
-  std::uint64_t loads = 0;
+  double tracing = 0.0;  ///< threads that trace, and all that they do
+  /// Of these, without a ray to trace or a page to unpack: for the disk, here or in a stage that
+  /// loads on demand, or for others that trace the last rays.
+  double waiting = 0.0;
+  double unpacking = 0.0;       ///< of these, too
+  double reading = 0.0;         ///< threads that read
+  std::uint64_t loads = 0;      ///< pages that were unpacked
+  std::uint64_t readAhead = 0;  ///< of these, read before a ray waited for them
+  std::uint64_t readInVain = 0;
   void add(const PageTrafficReport& o) {
-    tracing += o.tracing, waiting += o.waiting, loading += o.loading, loads += o.loads;
+    tracing += o.tracing, waiting += o.waiting, unpacking += o.unpacking, reading += o.reading;
+    loads += o.loads, readAhead += o.readAhead, readInVain += o.readInVain;
   }
 };
 
@@ -46,24 +58,26 @@ struct PageWork {
 /// What became of it.
 struct PageWorkDone {
   double start = 0.0, end = 0.0;       ///< secondsNow()
+  double waited = 0.0;                 ///< of that, for pages that stages loaded on demand
   std::uint64_t ended = 0;             ///< paths
   std::vector<std::uint32_t> waits{};  ///< pages that rays wait for now, one each
 };
 
-/// For one set of paths. Threads that trace call next() and done(); its own ones load.
+/// For one set of paths. Threads that trace call next() and done(); its own ones read.
 class PageTraffic {
  public:
   /// `paths` are numbers [0, paths) that are to begin, as there is room for them.
-  /// `tracing` threads call next(), `loaders` are its own. `record` may be null.
-  PageTraffic(hccm::PageCache& cache, LoadChoice& choice, PageQueues& queues, std::uint64_t paths,
-              unsigned tracing, unsigned loaders, TrafficRecord* record);
-  /// Ends the loading threads.
+  /// `readers`: threads of its own. `record` may be null.
+  PageTraffic(const hccm::PagedMesh& mesh, LoadChoice& choice, PageQueues& queues,
+              std::uint64_t paths, unsigned readers, TrafficRecord* record);
+  /// Ends the reading threads.
   ~PageTraffic();
   PageTraffic(const PageTraffic&) = delete;
   PageTraffic& operator=(const PageTraffic&) = delete;
 
-  /// Work for a thread that traces; waits for a page if there is none. False when all paths have
-  /// ended, or a page can't be loaded, or after giveUp().
+  /// Work for a thread that traces; unpacks pages if there is none, and waits for one if there is
+  /// none of these either. False when all paths have ended, or a page can't be loaded, or after
+  /// giveUp().
   bool next(PageWork& work, unsigned thread);
   /// The work of next() is done.
   void done(const PageWork& work, const PageWorkDone& what, unsigned thread);
@@ -82,33 +96,62 @@ class PageTraffic {
  private:
   static constexpr std::size_t kAtOnce = 512;    ///< rays of a piece of work
   static constexpr std::uint64_t kBegins = 256;  ///< paths that begin at once
+  /// Packed pages in memory, as a share of the cache; at least as many as threads read.
+  static constexpr std::uint64_t kPackedShare = 16;
+  /// Reads that are begun before their pages are needed, as a multiple of how many pages are
+  /// unpacked meanwhile.
+  static constexpr double kAhead = 8.0;
 
-  static constexpr std::size_t kReady = 8;  ///< pieces of work that need no more beside them
+  /// A page that was read, or is being read.
+  struct Packed {
+    std::uint32_t page;
+    bool ahead;  ///< no ray had waited for it
+    std::vector<std::byte> bytes;
+  };
 
-  void load(unsigned thread);
-  bool loadOne(std::unique_lock<std::mutex>& lock, unsigned thread);
-  bool makeRoom(std::uint64_t bytes);
+  struct Span {
+    double start, end;  ///< secondsNow()
+  };
+
+  bool takeReady(PageWork& work);
   void announce(std::uint32_t page);
   bool announceHere();
   void announceLocked(std::uint32_t page);
   void failLocked(std::exception_ptr error);
-  bool takeReady(PageWork& work);
+  bool unpackOne(std::unique_lock<std::mutex>& lock, unsigned thread);
+  bool makeRoom(std::uint64_t bytes);
 
+  void read(unsigned reader);
+  std::optional<Packed> toRead(bool mayBeAhead);
+  std::size_t depth() const;
+  bool readHere(std::unique_lock<std::mutex>& lock, unsigned thread);
+  Span readOne(std::unique_lock<std::mutex>& lock, Packed packed);
+  bool fits(std::uint64_t bytes);
+  void drop(std::size_t place);
+
+  const hccm::PagedMesh& mesh_;
   hccm::PageCache& cache_;
   LoadChoice& choice_;
   PageQueues& queues_;
   TrafficRecord* record_;
   std::vector<std::atomic<std::uint8_t>> announced_;  ///< by page: it is in ready_
   std::mutex mutex_;                                  ///< of all below
-  std::condition_variable work_, room_;
+  std::condition_variable work_, disk_;
   std::deque<PageWork> ready_;  ///< of pages alone: their queues are to be taken
   std::uint64_t next_ = 0, paths_, left_;
-  std::uint64_t loadingBytes_ = 0;
-  int idle_ = 0;  ///< threads that trace and have nothing to do
+  std::vector<Packed> packed_;                 ///< that were read
+  std::vector<std::vector<std::byte>> spare_;  ///< memory of such that were unpacked
+  std::uint64_t packedBytes_ = 0;  ///< of these, and of those that are being read or unpacked
+  std::uint64_t packedLimit_, largest_ = 0;  ///< largest_: packed page
+  std::optional<std::uint32_t> wanted_;      ///< the next to read, once there is room
+  std::size_t reading_ = 0;                  ///< pages that are being read
+  double unpacked_ = 0.0, interval_ = 1e-3;  ///< when a page was, and seconds from one to the next
+  std::uint64_t unpackingBytes_ = 0;         ///< in the cache
+  int idle_ = 0;                             ///< threads that trace and have nothing to do
   bool stop_ = false;
   std::exception_ptr failed_;
   PageTrafficReport report_;
-  std::vector<std::thread> loaders_;
+  std::vector<std::thread> readers_;
 };
 
 }  // namespace trex

@@ -31,10 +31,14 @@
 namespace trex {
 
 enum class Fate : std::uint8_t;
+struct AskedLight;
 struct LightAnswer;
+struct MediumLight;
 struct NextRay;
 struct PathState;
 struct Turning;
+struct WaitingLight;
+struct WaitingRay;
 struct Wave;
 struct WavePath;
 
@@ -100,16 +104,22 @@ class PathTracer {
   void takeAnswer(WavePath& path) const;
   vec3 causticLight(const WavePath& path) const;
   vec3 absorptionOf(const WavePath& path) const;
-  LightAnswer weigh(WavePath& path, const LightConnection& way) const;
+  AskedLight asked(const WavePath& path) const;
+  bool answerHere(WaitingLight& light, WaitingRay& ray, LightAnswer& answer) const;
+  LightConnection throughMedia(LightConnection way, const RayStart& start, const vec3& direction,
+                               const RayEnd& end) const;
   LightConnection connect(WavePath& path, const RayStart& start, const vec3& direction,
                           const RayEnd& end, const vec3& absorption) const;
+  bool asksEmitter(const WavePath& path, const RayHit& hit, RayQuery& query) const;
   float emitterWeight(float density, const RayStart& left, const LightPoint& vertex,
                       const ClearPath& way, float travelled, const vec3& direction,
-                      const Surface& surface, const RayHit& hit) const;
+                      const Surface& surface, const RayHit& hit,
+                      const LightConnection* connection) const;
 
   void passMedia(WavePath& path, float distance) const;
-  vec3 scatteredLight(WavePath& path, const dvec3& point, float anisotropy) const;
-  vec3 lightAlong(WavePath& path, const dvec3& point, const vec3& direction, float pdf) const;
+  void drawMedium(WavePath& path, float distance, MediumLight& light) const;
+  bool lightMedium(MediumLight& light, WaitingRay* waits) const;
+  bool lightAlong(MediumLight& light, WaitingRay* waits) const;
 
   void scatter(Wave& wave) const;
   bool scatter(WavePath& path) const;

@@ -9,8 +9,14 @@
 #include "src/schedule/picture.h"
 
 namespace trex {
+namespace {
 
-TrafficRecord::TrafficRecord(unsigned tracing, unsigned loading) : tracing_(tracing) {
+constexpr std::uint32_t kCones = LoadChoice::kBegin - 1;  // no page
+
+}  // namespace
+
+TrafficRecord::TrafficRecord(unsigned tracing, unsigned reading, bool gathers)
+    : tracing_(tracing), planned_(tracing), gathers_(tracing + 1) {
   graph_.memories = {{"disk"}, {"memory"}};
   const auto addChannel = [&](const std::string& name) {
     graph_.channels.push_back({name, 1.0, 0.0, {{0, 1}}});
@@ -19,9 +25,13 @@ TrafficRecord::TrafficRecord(unsigned tracing, unsigned loading) : tracing_(trac
     graph_.devices.push_back({fmt::format("thread {}", i), 1, 1});
     addChannel(fmt::format("loads, thread {}", i));
   }
-  for (unsigned i = 0; i < loading; ++i) addChannel(fmt::format("loads ahead {}", i));
+  for (unsigned i = 0; i < reading; ++i) addChannel(fmt::format("reads {}", i));
   graph_.devices.push_back({"planned", 1, 1});
-  addChannel("planned loads");
+  if (gathers) {
+    graph_.devices.push_back({"cones", 1, 1});
+    graph_.devices.push_back({"planned cones", 1, 1});
+  }
+  addChannel("planned reads");
 }
 
 void TrafficRecord::traced(unsigned thread, std::uint32_t page, double start, double end) {
@@ -30,10 +40,24 @@ void TrafficRecord::traced(unsigned thread, std::uint32_t page, double start, do
   happened_.runs.push_back({page, thread, start, end, {}});
 }
 
+void TrafficRecord::gathered(double start, double end) { traced(gathers_, kCones, start, end); }
+
+void TrafficRecord::plannedGather(double start, double end) {
+  traced(gathers_ + 1, kCones, start, end);
+}
+
 void TrafficRecord::loaded(unsigned thread, std::uint32_t page, double start, double end) {
+  fetched(thread, page, start, end);
+}
+
+void TrafficRecord::read(unsigned reader, std::uint32_t page, double start, double end) {
+  fetched(tracing_ + reader, page, start, end);
+}
+
+void TrafficRecord::fetched(std::uint32_t channel, std::uint32_t page, double start, double end) {
   const std::lock_guard lock(mutex_);
   if (happened_.fetches.size() >= kMostEvents) return;
-  happened_.fetches.push_back({page, thread, 0, 1, start, end, {}});
+  happened_.fetches.push_back({page, channel, 0, 1, start, end, {}});
 }
 
 void TrafficRecord::planned(const schedule::Schedule& plan,
@@ -41,10 +65,9 @@ void TrafficRecord::planned(const schedule::Schedule& plan,
                             const std::function<std::uint32_t(std::uint32_t)>& pageOfJob) {
   const std::lock_guard lock(mutex_);
   if (happened_.fetches.size() >= kMostEvents || happened_.runs.size() >= kMostEvents) return;
-  const auto device = static_cast<std::uint32_t>(graph_.devices.size() - 1),
-             channel = static_cast<std::uint32_t>(graph_.channels.size() - 1);
+  const auto channel = static_cast<std::uint32_t>(graph_.channels.size() - 1);
   for (const schedule::Run& r : plan.runs)
-    happened_.runs.push_back({pageOfJob(r.job), device, r.start, r.end, {}});
+    happened_.runs.push_back({pageOfJob(r.job), planned_, r.start, r.end, {}});
   for (const schedule::Fetch& f : plan.fetches)
     happened_.fetches.push_back({pageOfItem(f.item), channel, 0, 1, f.start, f.end, {}});
 }
@@ -64,6 +87,7 @@ schedule::Schedule TrafficRecord::fromStart() const {
 std::string TrafficRecord::chromeTrace() const {
   schedule::Names names;
   names.job = [](std::uint32_t page) {
+    if (page == kCones) return std::string("cones");
     return page == LoadChoice::kBegin ? std::string("new paths") : fmt::format("page {}", page);
   };
   names.item = [](std::uint32_t page) { return fmt::format("page {}", page); };

@@ -312,15 +312,11 @@ class WalkTracer::Waiting {
     }
     end.kind = WalkEnd::Kind::kClosed;
     if (walk.exit.open) {
-      const bool answered = Kind::kAnyHit ? rays.occludedHere(walk.query(), ray)
-                                          : rays.intersectHere(walk.query(), ray);
+      const bool answered =
+          Kind::kAnyHit ? rays.occludedHere(walk.query(), ray) : rays.meetHere(walk.query(), ray);
       if (!answered) {
-        page = ray.page();
+        page = rays.awaited(ray);
         return false;
-      }
-      if (ray.hit()) {  // whose surface will be asked for
-        page = rays.pageOf(ray.best);
-        if (page != WaitingRay::kNoPage && !rays.parts().paged->cache().isHere(page)) return false;
       }
       const bool met = Kind::kAnyHit ? ray.blocked : ray.hit();
       end.kind = met ? WalkEnd::Kind::kHit : WalkEnd::Kind::kNothing;

@@ -24,12 +24,28 @@ struct LightQuestion {
   bool coneShadow = false;         ///< the guess has asked a cone
 };
 
+/// A light that a path has asked for at a vertex that it may have left since: all that the answer
+/// is made of.
+struct AskedLight {
+  LightQuestion question;
+  vec3 throughput{1.0f}, absorption{0.0f};  ///< absorption: on the way to the light, 1/m
+  RayHit at{};                              ///< the vertex, ...
+  vec3 incoming{0.0f};                      ///< ... and the path's direction to it
+  bool coupled = true;
+  bool direct = false;  ///< see PathSample
+};
+
 /// The light that a question brings if it arrives.
 struct LightAnswer {
   vec3 guess{0.0f}, exact{0.0f};
   bool apart = false;   ///< to guess and exact path; else `exact` to where the path adds up
   bool direct = false;  ///< see PathSample
 };
+
+/// The light of a question that arrives by `way`. `throughput`, `coupled`: of the path at the
+/// vertex; `surface`: what it scatters from there, in that direction.
+LightAnswer weigh(const LightQuestion& question, const vec3& throughput, bool coupled, bool direct,
+                  const LightConnection& way, const BsdfValue& surface);
 
 /// The next ray of a path: how far it is traced, and whether a cone may go on from there.
 struct NextRay {
@@ -44,6 +60,8 @@ enum class Fate : std::uint8_t {
   kScatters,  ///< light that arrives there is not asked for
   kLit,       ///< lights are asked for, then it scatters
 };
+
+struct MediumLight;
 
 /// A path in a wave: its state, and what one stage leaves for the next between two rays.
 struct WavePath : PathState {
@@ -61,6 +79,10 @@ struct WavePath : PathState {
   std::uint8_t place = PlainWave::kNotPlain;  ///< of a plain surface among those of its wave
   LightQuestion question;
   bool asks = false;  ///< the question
+  /// Answered before the path arrives, where rays wait for pages: light that media scatter on its
+  /// last stretch, and the way by which light of an emitter there could have been sampled.
+  const MediumLight* medium = nullptr;
+  const LightConnection* emitter = nullptr;
   Fate fate = Fate::kEnds;
   bool coneVertex = false;
 

@@ -20,18 +20,23 @@ bool previewDue(const SessionState& s) {
   return s.previewCells < cells || s.light == State::kAwaited || s.turn % kPreviewTurns == 0;
 }
 
-/// First sample after those that are there for which more photons are shot.
+/// First sample after those that are there for which more photons are shot. Targets stand still
+/// once all photons there can be are shot.
 std::uint32_t nextLightSample(const SessionState& s) {
+  const auto photons = [&](std::uint32_t sample) {
+    return photonsFor(sample, s.pixels, s.leastPhotons, s.inPages);
+  };
   std::uint32_t next = 4;
-  while (next <= s.samples && next < (1u << 30)) next *= 4;
-  // Targets stand still once all photons there can be are shot.
-  return photonTarget(next, s.pixels) > photonTarget(s.samples, s.pixels) ? next : kAnySamples;
+  while (next < (1u << 30) && (next <= s.samples || photons(next) == photons(s.samples))) next *= 4;
+  return photons(next) > photons(s.samples) ? next : kAnySamples;
 }
 
 }  // namespace
 
-std::uint64_t photonsFor(std::uint32_t sample, std::uint64_t pixels, std::uint64_t leastPhotons) {
-  return std::max(photonTarget(sample, pixels), leastPhotons);
+std::uint64_t photonsFor(std::uint32_t sample, std::uint64_t pixels, std::uint64_t leastPhotons,
+                         bool inPages) {
+  return std::max(photonTarget(inPages ? std::max(sample, kTogether) : sample, pixels),
+                  leastPhotons);
 }
 
 bool awaitsLight(const SessionState& s) {
@@ -43,11 +48,12 @@ std::optional<Work> plan(const SessionState& s) {
     if (previewDue(s)) return Work{.kind = Work::Kind::kPreview, .barrier = kPreviewSamples};
     if (s.light == State::kAwaited) return {};
     if (s.light != State::kShooting) return Work{.kind = Work::Kind::kLight};
-    return Work{.kind = Work::Kind::kPhotons, .photons = photonsFor(0, s.pixels, s.leastPhotons)};
+    return Work{.kind = Work::Kind::kPhotons,
+                .photons = photonsFor(0, s.pixels, s.leastPhotons, s.inPages)};
   }
   if (s.goalReached) return {};
   const bool reads = s.guesses && s.light == State::kReady;
-  const std::uint64_t photons = photonsFor(s.samples, s.pixels, s.leastPhotons);
+  const std::uint64_t photons = photonsFor(s.samples, s.pixels, s.leastPhotons, s.inPages);
   if (reads && s.photons < photons) {
     return Work{.kind = Work::Kind::kPhotons, .photons = photons};
   }

@@ -21,6 +21,7 @@ struct SessionState {
   VoxelLight::State light = VoxelLight::State::kAbsent;
   std::uint64_t photons = 0;       ///< that the light is of
   std::uint64_t leastPhotons = 0;  ///< before the first sample
+  bool inPages = false;            ///< the model is, whether these are in memory or not
   std::uint64_t pixels = 1;
   std::uint32_t samples = 0;      ///< that every pixel has
   std::uint32_t mostSamples = 0;  ///< that the goal lets a pixel have; 0: no limit
@@ -52,8 +53,12 @@ struct Work {
 /// Samples read light that is not there: what is shown meanwhile is the preview.
 bool awaitsLight(const SessionState& s);
 
-/// Photons that there are to be before sample number `sample`: photonTarget(), or the least.
-std::uint64_t photonsFor(std::uint32_t sample, std::uint64_t pixels, std::uint64_t leastPhotons);
+/// Photons that there are to be before sample number `sample`: photonTarget(), or the least. Those
+/// of sample kTogether are there from the first on where a model is in pages: samples that wait for
+/// pages together share their loads, so the light had better not change between them.
+constexpr std::uint32_t kTogether = 4;
+std::uint64_t photonsFor(std::uint32_t sample, std::uint64_t pixels, std::uint64_t leastPhotons,
+                         bool inPages);
 
 /// Nothing if there is nothing to do: the goal is reached, or voxels are awaited.
 std::optional<Work> plan(const SessionState& s);

@@ -23,6 +23,7 @@ struct SampleBatch {
   std::vector<std::vector<ConeRequest>> cones;  ///< by chunk of jobs, in their order
   std::vector<shaderio::GatherQuery> queries;
   std::optional<int> ticket;
+  GatherPlan* gathers = nullptr;  ///< is told when the device has answered; may be null
 };
 
 namespace {
@@ -148,13 +149,13 @@ void rateTile(FrameBuffers& frame, std::uint32_t tile) {
 
 }  // namespace
 
-std::size_t pathsThatWait(std::uint64_t bytes) {
-  return static_cast<std::size_t>(bytes / memoryOfPaths(1));
+std::size_t pathsThatWait(const Scene& scene, std::uint64_t bytes) {
+  return static_cast<std::size_t>(bytes / memoryOfPaths(scene, 1));
 }
 
-std::uint64_t memoryOfPaths(std::uint64_t paths) {
-  return paths *
-         (BatchedTracer::bytesAPath() + sizeof(PathJob) + sizeof(PathSample) + sizeof(RayCounts));
+std::uint64_t memoryOfPaths(const Scene& scene, std::uint64_t paths) {
+  return paths * (BatchedTracer::bytesAPath(scene) + sizeof(PathJob) + sizeof(PathSample) +
+                  sizeof(RayCounts));
 }
 
 void SampleTaker::take(FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
@@ -259,7 +260,10 @@ bool SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
     }
   }
   batch.ticket.reset();
-  if (!batch.queries.empty()) batch.ticket = light.device()->submitGather(batch.queries);
+  batch.gathers = source.gathers;
+  if (batch.queries.empty()) return true;
+  if (batch.gathers != nullptr) batch.gathers->begin(batch.queries.size());
+  batch.ticket = light.device()->submitGather(batch.queries);
   return true;
 }
 
@@ -268,6 +272,7 @@ void SampleTaker::finish(VoxelLight& light, SampleBatch& batch) {
   if (!batch.ticket) return;
   const auto scale = static_cast<float>(light.cache()->scale());
   const auto results = light.device()->finishGather(*batch.ticket);
+  if (batch.gathers != nullptr) batch.gathers->end();
   std::size_t next = 0;
   for (const auto& part : batch.cones) {
     for (const ConeRequest& r : part) {

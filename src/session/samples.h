@@ -10,6 +10,7 @@
 #include <span>
 
 #include "src/paths/batched_tracer.h"
+#include "src/paths/gather_plan.h"
 #include "src/paths/path_tracer.h"
 #include "src/session/frame_buffers.h"
 #include "src/session/settings.h"
@@ -24,25 +25,26 @@ struct SampleSource {
   CausticMaps* caustics = nullptr;  ///< made ready for the samples to come; null where none is read
   /// Where pages do not fit in memory; else null, and the tracer's own way is taken.
   std::unique_ptr<BatchedTracer> batched;
-  bool pairs = false;  ///< the settings' share of samples is traced exactly too
+  GatherPlan* gathers = nullptr;  ///< where what happens is recorded; may be null
+  bool pairs = false;             ///< the settings' share of samples is traced exactly too
 };
 
 struct SampleBatch;
 
-/// Paths that may wait for pages at once in so many bytes, their samples included.
-std::size_t pathsThatWait(std::uint64_t bytes);
+/// Paths of a scene that may wait for pages at once in so many bytes, their samples included.
+std::size_t pathsThatWait(const Scene& scene, std::uint64_t bytes);
 /// Bytes that make room for so many of them.
-std::uint64_t memoryOfPaths(std::uint64_t paths);
+std::uint64_t memoryOfPaths(const Scene& scene, std::uint64_t paths);
 
 /// One thread at a time; each call uses all of the calling oneTBB arena.
 class SampleTaker {
  public:
-  explicit SampleTaker(const RenderSettings& settings)
+  SampleTaker(const Scene& scene, const RenderSettings& settings)
       : interactive_(settings.interactive),
         seed_(settings.seed),
         exact_(settings.exact),
         limit_(settings.seconds),
-        mostWaiting_(pathsThatWait(settings.rayMemory)) {
+        mostWaiting_(pathsThatWait(scene, settings.rayMemory)) {
     waiting_ = limit_ > 0.0 ? 0 : mostWaiting_;
   }
 

@@ -29,7 +29,7 @@ Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
       method_(denoiseMethod(settings_)),
       goal_(settings_, secondsAfterwards(method_, settings_)),
       light_(settings_),
-      samples_(settings_) {
+      samples_(model_->scene, settings_) {
   layers_.alpha |= settings_.transparent;
   makeFrames();
   lights_ = std::make_unique<LightSet>(model_->scene, *model_->rays);
@@ -75,6 +75,7 @@ SessionState Session::state() const {
   s.light = light_.state();
   s.photons = light_.photons();
   s.leastPhotons = light_.leastPhotons();
+  s.inPages = inPages();
   s.pixels = pixels();
   s.samples = samplesDone();
   s.mostSamples = goal_.mostSamples();
@@ -179,7 +180,7 @@ PathSample Session::probe(std::uint32_t x, std::uint32_t y, std::uint32_t sample
 
 /// Samples of a pixel that are under way at once where paths wait for pages.
 std::uint32_t Session::samplesAtOnce() const {
-  const std::uint64_t whole = pathsThatWait(settings_.rayMemory) / pixels();
+  const std::uint64_t whole = pathsThatWait(model_->scene, settings_.rayMemory) / pixels();
   return static_cast<std::uint32_t>(std::clamp<std::uint64_t>(whole, 1, 1u << 16));
 }
 
@@ -218,8 +219,10 @@ void Session::makeWalks() {
   }
   loads_ = std::make_unique<LoadChoice>(rays.parts().paged->table(), settings_.predictLoads);
   if (settings_.recordTraffic) {
+    const bool cones = settings_.exact < 1.0 && model_->voxels && lights_->anyPower();
     traffic_ = std::make_unique<TrafficRecord>(static_cast<unsigned>(threadsAllowed()),
-                                               PageRounds::kLoaders);
+                                               PageRounds::kReaders, cones);
+    if (cones) gathers_ = std::make_unique<GatherPlan>(*traffic_);
   }
   walks_ = std::make_unique<const WalkTracer>(rays, *loads_, settings_.rayMemory, traffic_.get());
 }
@@ -234,6 +237,7 @@ void Session::makeCaustics() {
 void Session::makeSources() {
   source_ = source(light_.cache(), caustics_.get());
   source_.pairs = source_.tracer->guesses();
+  source_.gathers = gathers_.get();
   // Light of another time serves previews, if there is any.
   if (preview_) previewSource_ = source(light_.hasLight() ? light_.cache() : nullptr, nullptr);
 }

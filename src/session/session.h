@@ -208,6 +208,7 @@ class Session {
   SampleSource source(const LightCache* cache, CausticMaps* caustics);
   std::uint32_t samplesAtOnce() const;
   void restartFrames();
+  bool inPages() const { return model_->rays->parts().paged != nullptr; }
   std::uint64_t pixels() const { return std::uint64_t{settings_.width} * settings_.height; }
   std::vector<std::span<std::byte>> sums();
   std::vector<vec3> shown();
@@ -228,6 +229,7 @@ class Session {
   std::unique_ptr<CameraRays> camera_;
   std::unique_ptr<CausticMaps> caustics_;          ///< null where the scene has none
   std::unique_ptr<TrafficRecord> traffic_;         ///< if it was asked for
+  std::unique_ptr<GatherPlan> gathers_;            ///< of the frame's cones, likewise
   std::unique_ptr<LoadChoice> loads_;              ///< where paths wait for pages; else null
   std::unique_ptr<const WalkTracer> walks_;        ///< traces photons, importons, probes
   std::unique_ptr<FrameBuffers> frame_, preview_;  ///< preview_: the viewer's alone

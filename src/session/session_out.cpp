@@ -189,7 +189,8 @@ void Session::restoreCheckpoint(CheckpointReader& reader) {
   const std::uint32_t passes = header.samplesDone + (header.tilesDone > 0 ? 1 : 0);
   if (light_.state() == VoxelLight::State::kAbsent || passes == 0) return;
   renewLight();
-  light_.shoot(photonsFor(passes - 1, pixels(), light_.leastPhotons()), [] { return true; });
+  light_.shoot(photonsFor(passes - 1, pixels(), light_.leastPhotons(), inPages()),
+               [] { return true; });
 }
 
 }  // namespace trex

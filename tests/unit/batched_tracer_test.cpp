@@ -7,7 +7,9 @@
 #include <algorithm>
 #include <random>
 
+#include "asvo/medium.h"
 #include "src/core/error.h"
+#include "tests/unit/glass_scenes.h"
 #include "tests/unit/paged_scenes.h"
 
 namespace trex {
@@ -19,14 +21,29 @@ constexpr std::uint32_t kSide = 24;
 
 std::vector<Material> plain() { return {test::lambert(0.6f), test::lambert(0.3f)}; }
 
-/// Glass, and one that half of the rays pass.
+/// One that half of the rays pass, a thin pane, one that bends light, and one that shines.
 std::vector<Material> clear() {
-  std::vector<Material> materials = {test::lambert(0.6f), test::lambert(0.5f), Material{}};
+  std::vector<Material> materials = {test::lambert(0.6f), test::lambert(0.5f), test::glass(false),
+                                     test::glass(true), test::lambert(0.2f, 3.0f)};
   materials[1].alphaMode = AlphaMode::kBlend;
   materials[1].baseColor.w = 0.5f;
-  materials[2].metallic = materials[2].roughness = 0.0f;
-  materials[2].transmission = 1.0f;
   return materials;
+}
+
+/// Even fog around all of it.
+void addFog(Scene& scene) {
+  std::vector<asvo::MediumLeaf> leaves(8);
+  for (int i = 0; i < 8; ++i) {
+    leaves[i].origin = 8 * glm::ivec3(i >> 2, i >> 1 & 1, i & 1);
+    leaves[i].density = 1.0f;
+  }
+  Medium& fog = scene.media.emplace_back();
+  fog.grid = std::make_shared<const asvo::Medium>(asvo::Medium::build(leaves));
+  fog.albedo = vec3(0.8f);
+  fog.density = 0.7f;
+  fog.anisotropy = 0.3f;
+  for (int axis = 0; axis < 3; ++axis) fog.transform[axis][axis] = 0.125;
+  fog.transform[3] = glm::dvec4(dvec3(-0.9375), 1.0);
 }
 
 bool same(const RayHit& a, const RayHit& b) {
@@ -83,6 +100,7 @@ TEST(WaitingRay, HasTheBitsOfARayThatDoesNotWait) {
 struct Traced {
   std::vector<PathSample> samples;
   std::vector<RayCounts> counts;
+  std::uint64_t loads = 0, onDemand = 0;  ///< of pages; of these, by stages
 };
 
 std::vector<PathJob> jobs() {
@@ -93,8 +111,10 @@ std::vector<PathJob> jobs() {
 }
 
 /// `pages`: that may be there; 0: no path waits for any.
-Traced trace(const std::vector<Material>& materials, std::uint64_t pages, int threads = 3) {
-  const Paged model = paged(materials, pages == 0 ? 10'000 : pages);
+Traced trace(const std::vector<Material>& materials, std::uint64_t pages, int threads = 3,
+             bool fog = false) {
+  const Paged model =
+      paged(materials, pages == 0 ? 10'000 : pages, false, false, fog ? addFog : nullptr);
   const LightSet lights(model.scene, *model.rays);
   const CameraRays camera(model.scene.cameras.front(), dvec3(0.0), kSide, kSide);
   const PathTracer tracer(model.scene, *model.rays, lights, camera, GuessOptions{}, 5);
@@ -107,10 +127,14 @@ Traced trace(const std::vector<Material>& materials, std::uint64_t pages, int th
   }
   LoadChoice choice(model.mesh().table());
   BatchedTracer batched(tracer, *model.rays, choice);
+  const std::uint64_t before = model.cache().statistics().loads;  // of lights that shine
   tbb::task_arena(threads).execute(
       [&] { batched.trace(all, kSide, out.samples, out.counts, cones); });
-  EXPECT_LE(model.cache().statistics().peakBytes, model.cache().limit());
-  EXPECT_GT(model.cache().statistics().loads, 0u);
+  const hccm::PageCache::Statistics pagesThen = model.cache().statistics();
+  EXPECT_LE(pagesThen.peakBytes, model.cache().limit());
+  out.loads = pagesThen.loads - before;
+  out.onDemand = out.loads - std::min(out.loads, batched.report().loads);
+  EXPECT_GT(pagesThen.loads, 0u);
   return out;
 }
 
@@ -137,10 +161,21 @@ TEST(BatchedTracer, SamplesAreThoseOfPathsThatDoNotWait) {
   expectSame(trace(plain(), 2, 1), whole);
 }
 
-TEST(BatchedTracer, SamplesAreTheSameWhereStagesLoadByThemselves) {
-  const Traced whole = trace(clear(), 0);
-  for (const std::uint64_t pages : {1, 3}) expectSame(trace(clear(), pages), whole);
-  expectSame(trace(clear(), 1, 1), whole);
+/// Rays towards lights wait behind glass and alpha and in fog, as all others do: hardly a page is
+/// loaded by the stage that needs it.
+TEST(BatchedTracer, LightWaitsBehindGlassAndInFog) {
+  for (const bool fog : {false, true}) {
+    const Traced whole = trace(clear(), 0, 1, fog);
+    for (const std::uint64_t pages : {1, 3, 10'000}) {
+      const Traced some = trace(clear(), pages, 3, fog);
+      expectSame(some, whole);
+      if (pages == 3) {
+        EXPECT_GT(some.loads, 100u);
+        EXPECT_LT(some.onDemand, some.loads / 20);
+      }
+    }
+    expectSame(trace(clear(), 1, 1, fog), whole);
+  }
 }
 
 /// A page that can't be read ends all threads with its error.
@@ -164,6 +199,34 @@ TEST(BatchedTracer, APageThatCannotBeReadIsAnError) {
   }
 }
 
+/// A disk that takes its time is read ahead of the threads that trace: by others, in part before a
+/// ray waits, and without prediction by nobody. What was read serves, but for a few pages.
+TEST(BatchedTracer, ASlowDiskIsReadAhead) {
+  for (const bool predict : {false, true}) {
+    const Paged model = paged(plain(), 5, false, false, nullptr, 0.001);
+    const LightSet lights(model.scene, *model.rays);
+    const CameraRays camera(model.scene.cameras.front(), dvec3(0.0), kSide, kSide);
+    const PathTracer tracer(model.scene, *model.rays, lights, camera, GuessOptions{}, 5);
+    LoadChoice choice(model.mesh().table(), predict);
+    BatchedTracer batched(tracer, *model.rays, choice);
+    const std::vector<PathJob> all = jobs();
+    std::vector<PathSample> samples(all.size());
+    std::vector<RayCounts> counts(all.size());
+    std::vector<ConeRequest> cones;
+    tbb::task_arena(2).execute([&] { batched.trace(all, kSide, samples, counts, cones); });
+    const PageTrafficReport r = batched.report();
+    EXPECT_LE(r.waiting + r.unpacking, r.tracing * 1.001);
+    EXPECT_GE(r.reading, 0.001 * static_cast<double>(r.loads));
+    if (predict) {
+      EXPECT_GT(choice.readSeconds(), 1e-4);
+      EXPECT_LE(r.readInVain, r.loads);
+    } else {
+      EXPECT_EQ(r.readAhead + r.readInVain, 0u);
+      EXPECT_GE(r.waiting, 0.9 * r.reading);  // by the threads that trace
+    }
+  }
+}
+
 /// Both what was planned and what was done are told.
 TEST(BatchedTracer, RecordsWhatHappened) {
   const Paged model = paged(plain(), 3);
@@ -171,7 +234,7 @@ TEST(BatchedTracer, RecordsWhatHappened) {
   const CameraRays camera(model.scene.cameras.front(), dvec3(0.0), kSide, kSide);
   const PathTracer tracer(model.scene, *model.rays, lights, camera, GuessOptions{}, 5);
   LoadChoice choice(model.mesh().table());
-  TrafficRecord record(2, PageRounds::kLoaders);
+  TrafficRecord record(2, PageRounds::kReaders);
   BatchedTracer batched(tracer, *model.rays, choice, &record);
   const std::vector<PathJob> all = jobs();
   std::vector<PathSample> samples(all.size());
@@ -179,7 +242,7 @@ TEST(BatchedTracer, RecordsWhatHappened) {
   std::vector<ConeRequest> cones;
   tbb::task_arena(2).execute([&] { batched.trace(all, kSide, samples, counts, cones); });
   const std::string json = record.chromeTrace();
-  for (const char* part : {"new paths", "page 0", "thread 0", "planned loads"})
+  for (const char* part : {"new paths", "page 0", "thread 0", "planned reads"})
     EXPECT_NE(json.find(part), std::string::npos) << part;
   EXPECT_NE(record.svg("title").find("<svg"), std::string::npos);
   EXPECT_GE(batched.report().loads, model.mesh().table().pages.size() / 2);

@@ -46,12 +46,15 @@ inline std::uint64_t leastBytes(const hccm::PageTable& table) {
   return hccm::PageCache::leastBytes(table);
 }
 
-/// `pages`: that may be there. `failing`: one that can't be read.
+/// `pages`: that may be there. `failing`: one that can't be read. `change`, may be null: adds to
+/// the scene. `readSeconds`: that each read takes.
 inline Paged paged(const std::vector<Material>& materials, std::uint64_t pages, bool smooth = false,
-                   bool failing = false) {
+                   bool failing = false, void (*change)(Scene&) = nullptr,
+                   double readSeconds = 0.0) {
   static const hccm::test::Soup soups[] = {sheets(false), sheets(true)};
   hccm::test::Streamed streamed =
       hccm::test::stream(soups[smooth], static_cast<std::uint32_t>(materials.size()));
+  streamed.pages->readSeconds = readSeconds;
   if (failing)
     streamed.pages->failAt = streamed.table.pages[streamed.table.pages.size() / 2].offset;
   Paged out;
@@ -63,6 +66,7 @@ inline Paged paged(const std::vector<Material>& materials, std::uint64_t pages, 
   lamp.intensity = vec3(3.0f, 2.0f, 1.0f);
   out.scene.lights = {lamp};
   out.scene.cameras = {lookAt(dvec3(0.3, -0.5, 0.6), dvec3(0.0, 0.0, 0.1), 0.9f)};
+  if (change != nullptr) change(out.scene);
   RayScene::Parts parts{dvec3(0.0), hccm::Mesh::build({}), {}, {}, nullptr};
   const std::uint64_t bytes = pages * leastBytes(streamed.table);
   parts.paged = std::make_unique<hccm::PagedMesh>(streamed.table, std::move(streamed.pages), bytes);

@@ -52,6 +52,25 @@ TEST(Plan, CapturesMakeTheLightFirst) {
   EXPECT_EQ(plan(s), (Work{.kind = Kind::kPhotons, .photons = s.leastPhotons}));
 }
 
+/// Samples of a model in pages are parted by photons no earlier than at the sixteenth.
+TEST(Plan, SamplesThatWaitForPagesTogetherHaveOneLight) {
+  SessionState s = capture(State::kShooting);
+  s.inPages = true;
+  s.samplesAtOnce = 64;
+  s.mostSamples = 40;
+  EXPECT_EQ(plan(s)->photons, photonTarget(4, kPixels));
+  s.light = State::kReady;
+  s.photons = photonTarget(4, kPixels);
+  EXPECT_EQ(plan(s), (Work{.kind = Kind::kSamples, .barrier = 16}));
+  s.samples = 16;
+  EXPECT_EQ(plan(s)->photons, photonTarget(16, kPixels));
+  s.photons = photonTarget(16, kPixels);
+  EXPECT_EQ(plan(s), (Work{.kind = Kind::kSamples, .barrier = 40}));
+  s.leastPhotons = s.photons = photonTarget(64, kPixels);  // none are shot in between
+  s.samples = 3;
+  EXPECT_EQ(plan(s), (Work{.kind = Kind::kSamples, .barrier = 40}));
+}
+
 TEST(Plan, NothingIsDoneBeyondTheGoal) {
   SessionState s = capture(State::kReady);
   s.samples = 4;  // for which more photons would be shot

@@ -139,7 +139,7 @@ class RayBatching(ProgramTest):
             if e["ph"] == "X":
                 spans.setdefault(rows[e["tid"]], []).append((e["ts"], e["ts"] + e["dur"]))
         self.assertIn("planned", spans)
-        self.assertIn("planned loads", spans)
+        self.assertIn("planned reads", spans)
         self.assertIn("thread 0", spans)
         for row, times in spans.items():
             if row.startswith("planned"):
@@ -150,6 +150,12 @@ class RayBatching(ProgramTest):
         for name, first in (("t.svg", b"<svg"), ("t.html", b"<!doctype html>")):
             self.render("a.exr", *options, "--trace", self.path(name))
             self.assertTrue(self.read(name).startswith(first))
+        self.render("a.exr", "--exact", "0.3", "--guess", "cone", "--cache", self.few, "--trace", self.path("t.json"))
+        events = json.loads(self.read("t.json"))["traceEvents"]
+        rows = {e["tid"]: e["args"]["name"] for e in events if e["ph"] == "M"}
+        cones = [rows[e["tid"]] for e in events if e["ph"] == "X" and rows[e["tid"]].endswith("cones")]
+        self.assertGreater(cones.count("cones"), 0)
+        self.assertEqual(cones.count("cones"), cones.count("planned cones"))
         said = run("render", self.bundle, "-o", self.path("a.exr"), "--size", "8x8", "--spp", "1", "--device", "none", "--trace",
                    self.path("none.json"))
         self.assertEqual(said.returncode, 0)

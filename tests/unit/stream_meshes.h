@@ -3,9 +3,12 @@
 
 #include <unistd.h>
 
+#include <atomic>
+#include <chrono>
 #include <filesystem>
 #include <numeric>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "hccmesh/page_cache.h"
@@ -62,8 +65,10 @@ class TestPages : public PageFile {
   std::vector<std::byte> bytes;
   mutable std::atomic<std::uint64_t> reads{0};
   std::uint64_t failAt = ~std::uint64_t{0};  ///< offset that can't be read
+  double readSeconds = 0.0;                  ///< that each read takes
   void read(std::uint64_t offset, std::span<std::byte> out) const override {
     ++reads;
+    if (readSeconds > 0.0) std::this_thread::sleep_for(std::chrono::duration<double>(readSeconds));
     if (offset == failAt) throw std::runtime_error(place(offset) + ": can't be read");
     if (offset + out.size() > bytes.size()) throw std::runtime_error("read beyond the end");
     std::copy_n(bytes.begin() + static_cast<std::ptrdiff_t>(offset), out.size(), out.begin());
