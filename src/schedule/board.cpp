@@ -297,6 +297,17 @@ double Board::bring(const Job& job, std::uint32_t item, std::uint32_t target, bo
   return along(job, item, copy(item, source).arrival, s_.routes->hops(source, target), keep);
 }
 
+double Board::neededFromStores() const {
+  double all = 0.0, stores = 0.0;
+  for (std::uint32_t i = 0; i < s_.items.size(); ++i) {
+    const Item& item = s_.items[i];
+    if (item.moves || item.bytes <= 0.0) continue;
+    all += item.need;
+    if ((places_[i] & finite_) == 0) stores += item.need;
+  }
+  return all > 0.0 ? stores / all : 0.0;
+}
+
 bool Board::bringAhead(std::uint32_t channel) {
   if (channels_[channel].end(s_.now) > s_.now) return false;
   const Link* link = nullptr;

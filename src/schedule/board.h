@@ -32,6 +32,8 @@ class Board {
   /// Brings the item that is needed most of those that are in stores alone over a channel that has
   /// nothing to do, into room that is free. False if there is no such item, room or channel.
   bool bringAhead(std::uint32_t channel);
+  /// Of what is needed of items (Item::need), the share that is in stores alone.
+  double neededFromStores() const;
   /// The first moment at which a device has nothing committed any more.
   double deviceEnd(std::uint32_t device) const { return devices_[device].end(s_.now); }
   /// What was committed.

@@ -11,8 +11,9 @@ namespace trex::schedule {
 namespace {
 
 /// A second of a store's channel that brings what is in another memory already counts as so many
-/// more: that channel is what all wait for, and units of work can go to where the item is.
-constexpr double kAgain = 2.0;
+/// more if all that is needed is in stores alone, and as none if nothing is: all wait for that
+/// channel then, and units of work can go to where the item is.
+constexpr double kAgain = 8.0;
 /// Of the horizon: what begins so soon is given out between two whole plans.
 constexpr double kSoon = 0.1;
 
@@ -30,7 +31,7 @@ struct Pair {
   }
 };
 
-double keyOf(const State& s, Rule rule, const Job& job, const Offer& offer) {
+double keyOf(const State& s, Rule rule, const Job& job, const Offer& offer, double again) {
   switch (rule) {
     case Rule::kEarliestStart:
       return offer.start;
@@ -39,7 +40,7 @@ double keyOf(const State& s, Rule rule, const Job& job, const Offer& offer) {
     case Rule::kMostWork:
       break;
   }
-  return (offer.end - s.now + kAgain * offer.again) / std::max(job.worth, 1e-300);
+  return (offer.end - s.now + again * offer.again) / std::max(job.worth, 1e-300);
 }
 
 /// Commits the best pairs of a job and one of these devices until nothing more begins within the
@@ -48,6 +49,7 @@ double keyOf(const State& s, Rule rule, const Job& job, const Offer& offer) {
 /// it is the first [lazy greedy: Minoux 1978], and cheaply at first.
 void commitBest(Board& board, const State& state, Rule rule, std::span<const std::uint32_t> devices,
                 double latest, std::vector<bool>& committed) {
+  const double again = kAgain * board.neededFromStores();
   std::vector<Pair> pairs;
   for (std::uint32_t j = 0; j < state.jobs.size(); ++j) {
     if (committed[j] || !hasWork(state.jobs[j])) continue;
@@ -55,7 +57,7 @@ void commitBest(Board& board, const State& state, Rule rule, std::span<const std
       const Offer offer = board.atBest(j, d);
       if (!offer.possible() || offer.start > latest) continue;
       pairs.push_back(
-          {keyOf(state, rule, state.jobs[j], offer), offer.start + state.horizon, j, d});
+          {keyOf(state, rule, state.jobs[j], offer, again), offer.start + state.horizon, j, d});
     }
   }
   std::priority_queue<Pair, std::vector<Pair>, std::greater<>> queue(std::greater<>(),
@@ -67,7 +69,7 @@ void commitBest(Board& board, const State& state, Rule rule, std::span<const std
     if (committed[p.job]) continue;
     const auto isFirst = [&](const Offer& offer) {
       if (!offer.possible() || (any && offer.start > p.latest)) return false;
-      p.key = std::max(p.key, keyOf(state, rule, state.jobs[p.job], offer));
+      p.key = std::max(p.key, keyOf(state, rule, state.jobs[p.job], offer, again));
       if (queue.empty() || !(p > queue.top())) return true;
       queue.push(p);
       return false;

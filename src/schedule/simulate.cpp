@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <numeric>
 
 #include "src/core/error.h"
 #include "src/schedule/forecast.h"
@@ -15,9 +16,10 @@ constexpr int kStepsAhead = 8;  ///< of units, when it is judged what is needed 
 /// Share of what goes from a block to another that is taken to go back: of 0, .02, .1, .3 and 1 the
 /// middle ones load least.
 constexpr double kBackward = 0.2;
-/// Of a block that is not there: the more of its units are still to come, the longer it waits. What
-/// is there by then does not need another load.
-constexpr double kPatience = 2.0;
+/// Of a block that is not there: the more of its units are still to come, the longer it waits,
+/// since what is there by then does not need another load. By the share of all items that memories
+/// do not hold: where all fits, nothing is loaded again, and the earlier the better.
+constexpr double kPatience = 8.0;
 /// Of a block that nobody knows anything of.
 constexpr double kLeastNeed = 1e-6;
 
@@ -51,6 +53,10 @@ class Simulation {
       if (std::find(hosts_.begin(), hosts_.end(), d.host) == hosts_.end()) hosts_.push_back(d.host);
     }
     queues_.resize(w_.stations() * hosts_.size());
+    double held = 0.0;
+    for (const Memory& m : graph_.memories) held += std::isfinite(m.capacity) ? m.capacity : 0.0;
+    const double all = std::accumulate(w_.itemBytes.begin(), w_.itemBytes.end(), 0.0);
+    patience_ = all > held ? kPatience * (1.0 - held / all) : 0.0;
     makeItems();
     makeJobs();
     children_.resize(w_.walks.size());
@@ -198,7 +204,7 @@ class Simulation {
       const double now = queued_[b] + coming[b], later = std::max(0.0, later_[b] - coming[b]);
       double& worth = state_.jobs[b].worth;
       worth = queued_[b] > 0.0 ? now : 0.0;
-      if (worth > 0.0 && !resident_[b]) worth *= now / (now + kPatience * later);
+      if (worth > 0.0 && !resident_[b]) worth *= now / (now + patience_ * later);
       for (std::uint32_t item : w_.reads[b]) state_.items[item].need += queued_[b] + later_[b];
     }
   }
@@ -358,7 +364,7 @@ class Simulation {
   std::vector<std::vector<std::uint32_t>> children_;
   std::vector<double> queued_;  ///< units at each station
   std::vector<double> later_;   ///< units that are expected, as of `judged_`
-  double judged_ = 0.0;
+  double judged_ = 0.0, patience_ = 0.0;
   std::vector<char> resident_;  ///< a device can serve the station as it is
   std::vector<ActiveRun> runs_;
   std::vector<ActiveFetch> fetches_;

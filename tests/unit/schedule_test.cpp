@@ -272,6 +272,8 @@ TEST(Schedule, WorkGoesToWhereItsDataIs) {
   s->state.items.push_back({10.0, 0b0111, false, 1.0, 0.0});
   s->state.items.push_back({12.0, 0b1000, true, 0.0, 0.0});  // a queue on the second
   s->state.jobs.push_back({0, {0, 1}, {5.0}, 5.0, 0.0, 0.0});
+  EXPECT_EQ(mostWork(s->state, {}).runs.at(0).device, 1u);  // disks have nothing else to do
+  s->state.items.push_back({10.0, 0b0101, false, 9.0, 0.0});
   const Schedule made = mostWork(s->state, {});
   ASSERT_EQ(made.runs.size(), 1u);
   EXPECT_EQ(made.runs[0].device, 0u);
