@@ -96,6 +96,21 @@ TEST(Synth, TrianglesLieInTheBoundsAndAreAsManyAsStated) {
   }
 }
 
+TEST(Synth, LongPartsThatStandLowAreInTheBounds) {
+  const auto stream = openSynth("synth:assembly?triangles=4e6&seed=3");
+  const Box3d box = stream->bounds();
+  EXPECT_LT(box.lower.y, -0.5);  // beyond what parts reach as a rule
+  TriangleBatch batch;
+  Box3d all;
+  for (std::uint64_t i = 0; i < stream->batchCount(); ++i) {
+    stream->batch(i, batch);
+    for (const vec3& v : batch.positions) all.extend(dvec3(v));
+  }
+  EXPECT_TRUE(glm::all(glm::lessThanEqual(box.lower, all.lower)));
+  EXPECT_TRUE(glm::all(glm::lessThanEqual(all.upper, box.upper)));
+  EXPECT_EQ(box.lower.y, all.lower.y);
+}
+
 TEST(Synth, EqualBitsEachTimeOtherSeedsOtherTriangles) {
   for (const char* model : kModels) {
     const auto a = openSynth(nameOf(model, "?triangles=2e4&seed=3"));
