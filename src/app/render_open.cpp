@@ -83,7 +83,10 @@ std::uint64_t rayMemory(const RenderSettings& s, const std::string& asked, std::
 std::uint64_t cacheFor(RenderArguments& a, const PagedSizes& paged, const Preflight& fit) {
   a.settings.rayMemory = 0;
   if (paged.pages == 0) return 0;
-  const std::uint64_t left = (fit.allowed - fit.needed) / 8 * 7;
+  // Threads, who reads pages and who writes the picture take some of their own (measured: 5 to 10).
+  constexpr std::uint64_t kWorkBytes = 8u << 20;
+  const std::uint64_t rest = fit.allowed - fit.needed;
+  const std::uint64_t left = (rest > kWorkBytes ? rest - kWorkBytes : 0) / 8 * 7;
   std::uint64_t cache = a.cache.empty() ? std::max<std::uint64_t>(left, 1)
                                         : std::max<std::uint64_t>(parseBytes(a.cache), 1);
   if (cache < paged.pages) {

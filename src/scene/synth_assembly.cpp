@@ -419,7 +419,7 @@ class Assembly : public TriangleStream {
     std::uint64_t triangles;
   };
 
-  /// Widens the bounds where a part, such as a long spring that stands low, reaches beyond them.
+  /// Widens the bounds where a part, such as a long spring at a wall, reaches beyond them.
   void reachOut(const Part& p) {
     if (p.shape == Shape::kSheet) return;  // shell and panels
     const dvec3 centre(p.centre), most(0.5 * p.length + p.radius + p.second);

