@@ -3,7 +3,6 @@
 #include <tbb/global_control.h>
 
 #include <chrono>
-#include <csignal>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -174,7 +173,6 @@ Scene import(const BakeArguments& a, std::vector<SourceFile>& files) {
 /// The file is written under interrupts that leave no rest.
 std::vector<bundle::Section> write(const BakeArguments& a, const Model& model,
                                    const BakeFacts& facts) {
-  std::signal(SIGXFSZ, SIG_IGN);  // a file beyond the limit is an error of write() then
   catchInterrupts();
   try {
     return saveBundle(a.output, model, facts,
@@ -316,7 +314,6 @@ void bakeStreamed(const BakeArguments& a) {
   phases.next("hash");
   facts.files = hashSources(files, a.output);
   phases.next("build");
-  std::signal(SIGXFSZ, SIG_IGN);  // a file beyond the limit is an error of write() then
   catchInterrupts();
   std::mutex mutex;
   std::map<std::string, Progress> bars;  // of each phase

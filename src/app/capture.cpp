@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <exception>
 
 #include "src/app/render_report.h"
 #include "src/bundle/bundle.h"
@@ -135,8 +136,14 @@ void Capture::runView(std::uint32_t frame) {
     throw;
   }
   if (leader_ != nullptr) leader_->rest();
-  if (!a_.checkpoint.empty()) saveCheckpoint(session, frame);
+  std::exception_ptr lost;  // a checkpoint that can't be written takes no picture with it
+  try {
+    if (!a_.checkpoint.empty()) saveCheckpoint(session, frame);
+  } catch (const Error&) {
+    lost = std::current_exception();
+  }
   save(session, view, true);
+  if (lost) std::rethrow_exception(lost);
   if (!a_.trace.empty()) saveTrace(session, view);
 }
 
@@ -175,13 +182,23 @@ void Capture::advance(Session& session, std::uint32_t frame) {
       logInfo("{}: saved after {} samples a pixel, going on", views_[frame].output,
               session.samplesDone());
     }
-    if (!a_.checkpoint.empty() && secondsNow() >= nextCheckpoint_) saveCheckpoint(session, frame);
+    if (!a_.checkpoint.empty() && secondsNow() >= nextCheckpoint_) tryCheckpoint(session, frame);
+  }
+}
+
+/// On the timer: a disk that is full now may have room later, and the one before is kept.
+void Capture::tryCheckpoint(Session& session, std::uint32_t frame) {
+  try {
+    saveCheckpoint(session, frame);
+  } catch (const Error& e) {
+    if (e.code() != ExitCode::kOutput) throw;
+    logWarning("{}; going on", e.what());
   }
 }
 
 void Capture::saveCheckpoint(Session& session, std::uint32_t frame) {
-  session.saveCheckpoint(a_.checkpoint, key_, frame);
   nextCheckpoint_ = secondsNow() + a_.checkpointSeconds;
+  session.saveCheckpoint(a_.checkpoint, key_, frame);
 }
 
 float exposureOf(const RenderArguments& a, const Picture& picture) {

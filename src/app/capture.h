@@ -33,6 +33,7 @@ class Capture {
   void save(Session& session, const View& view, bool report);
   void saveTrace(const Session& session, const View& view) const;
   void saveCheckpoint(Session& session, std::uint32_t frame);
+  void tryCheckpoint(Session& session, std::uint32_t frame);
 
   const RenderArguments& a_;
   std::shared_ptr<const Model> model_;

@@ -1,6 +1,7 @@
 // trex: command line, exit codes, and the last stop of every error.
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <csignal>
 #include <cstdio>
 #include <exception>
 #include <new>
@@ -80,6 +81,7 @@ int run(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  std::signal(SIGXFSZ, SIG_IGN);  // a file beyond the limit is an error of write() then
   try {
     return run(argc, argv);
   } catch (const trex::Error& e) {

@@ -23,17 +23,25 @@
 namespace trex {
 namespace {
 
+/// Throws Error(kOutput) if it can't be written, and removes what killed processes left beside it.
+void checkOutput(const std::filesystem::path& file) {
+  checkWritable(file);
+  for (const std::filesystem::path& left : removeDeadTemporaries(file)) {
+    logInfo("{}: removed what an interrupted trex left", left.string());
+  }
+}
+
 void checkOutputs(const std::vector<View>& views, const std::string& checkpoint) {
   namespace fs = std::filesystem;
   for (const View& view : views) {
-    checkWritable(view.output);
+    checkOutput(view.output);
     if (!checkpoint.empty() &&
         fs::weakly_canonical(view.output) == fs::weakly_canonical(checkpoint)) {
       fail(ExitCode::kUsage, "--checkpoint {}: is the picture's file too; name another",
            checkpoint);
     }
   }
-  if (!checkpoint.empty()) checkWritable(checkpoint);
+  if (!checkpoint.empty()) checkOutput(checkpoint);
 }
 
 /// The overlay's look; what it asks of the model and the settings is set. An exposure or a camera
@@ -76,7 +84,10 @@ std::uint64_t cacheFor(RenderArguments& a, const Scene& scene, const PagedSizes&
                        const Preflight& fit) {
   a.settings.rayMemory = 0;
   if (paged.pages == 0) return 0;
-  const std::uint64_t left = (fit.allowed - fit.needed) / 8 * 7;
+  // Threads, who reads pages and who writes the picture take some of their own (measured: 5 to 10).
+  constexpr std::uint64_t kWorkBytes = 8u << 20;
+  const std::uint64_t rest = fit.allowed - fit.needed;
+  const std::uint64_t left = (rest > kWorkBytes ? rest - kWorkBytes : 0) / 8 * 7;
   std::uint64_t cache = a.cache.empty() ? std::max<std::uint64_t>(left, 1)
                                         : std::max<std::uint64_t>(parseBytes(a.cache), 1);
   if (cache < paged.pages) {
@@ -129,13 +140,10 @@ void openForRender(RenderArguments& a, const RenderSource& source, OpenedRender&
     logVerbose("{}: {} triangles, {} unique, {} instances", a.input, scene.triangleCount(),
                scene.uniqueTriangleCount(), scene.instances.size());
     if (scene.maxBounces < 2) model.voxels = false;  // their light has made two
-    const std::uint64_t baked = source.file ? source.bytes - model.paged.disk
-                                : isBundlePath(a.input)
-                                    ? std::filesystem::file_size(a.input) - model.paged.disk
-                                    : std::uint64_t{0};
     // So that what the library takes is counted.
     if (a.settings.maxMemory > 0 && out.imagesOpening.joinable()) out.imagesOpening.join();
-    const Preflight fit = preflight(scene, a.settings, layersOf(a), baked, model.paged.topLevel);
+    const Preflight fit =
+        preflight(scene, a.settings, layersOf(a), model.bakedVoxels, model.paged.topLevel);
     model.voxelBytes = fit.voxelBytes;
     model.cacheBytes = cacheFor(a, scene, model.paged, fit);
     out.built = model;

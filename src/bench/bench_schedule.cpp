@@ -92,8 +92,19 @@ double threadSeconds() {
 struct Instance {
   double bound = 0.0;
   std::vector<SimulationResult> results;  ///< of allPlanners()
-  std::vector<double> plannedShare;       ///< seconds of planning and playing by simulated ones
+  std::vector<double> plannedShare;       ///< seconds of planning by simulated ones
 };
+
+/// The planner that this thread plays, and the seconds that it has taken.
+thread_local Planner played = nullptr;
+thread_local double planningSeconds = 0.0;
+
+Schedule timedPlan(const State& state, const Schedule& previous) {
+  const double start = threadSeconds();
+  Schedule made = played(state, previous);
+  planningSeconds += threadSeconds() - start;
+  return made;
+}
 
 Instance play(const ScheduleArguments& a, const Cluster& cluster, const Model& model,
               std::uint64_t seed, bool keep) {
@@ -108,13 +119,14 @@ Instance play(const ScheduleArguments& a, const Cluster& cluster, const Model& m
   Instance out;
   out.bound = lowerBound(workload, cluster.graph, cluster.timing).seconds();
   for (const NamedPlanner& p : allPlanners()) {
-    in.planner = p.plan;
+    played = p.plan;
+    in.planner = timedPlan;
     in.forecast = p.foresees || a.sameEviction;
     if (a.sameEviction) in.rivalsEvict = Evict::kNeededLatest;
-    const double start = threadSeconds();
+    planningSeconds = 0.0;
     out.results.push_back(simulate(in));
     SimulationResult& r = out.results.back();
-    out.plannedShare.push_back((threadSeconds() - start) / r.makespan);
+    out.plannedShare.push_back(planningSeconds / r.makespan);
     const std::string problem = problemOf(r.happened, cluster.graph, r.items, r.jobs);
     if (!problem.empty()) fail(ExitCode::kFailed, "{}: {}", p.name, problem);
     if (!keep || out.results.size() > 1) r.happened = {};

@@ -297,6 +297,7 @@ Model modelOf(BundleContents contents, const OpenOptions& options) {
   addVolumes(scene, options.import.volumes, options.import.maxMemory);
   ModelOptions wanted = options.model;
   wanted.paged = sizesOf(contents);
+  wanted.bakedVoxels = contents.voxels ? bytesOf(*contents.voxels) : 0;
   if (options.prepare) options.prepare(scene, wanted);
   attachPages(contents, wanted.cacheBytes);
   Model model;

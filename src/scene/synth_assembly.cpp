@@ -390,6 +390,7 @@ class Assembly : public TriangleStream {
     const double half = 0.5 * layout.edge() + Layout::kMargin;
     bounds_ = {dvec3(-half, -Layout::kMargin, -half),
                dvec3(half, layout.height() + Layout::kMargin, half)};
+    for (const Part& p : parts_) reachOut(p);
     for (std::size_t i = 0; i < parts_.size(); ++i) cut(static_cast<std::uint32_t>(i));
     describe(layout, name);
   }
@@ -417,6 +418,22 @@ class Assembly : public TriangleStream {
     std::uint32_t firstPart, endPart, firstRow, endRow;
     std::uint64_t triangles;
   };
+
+  /// Widens the bounds where a part, such as a long spring at a wall, reaches beyond them.
+  void reachOut(const Part& p) {
+    if (p.shape == Shape::kSheet) return;  // shell and panels
+    const dvec3 centre(p.centre), most(0.5 * p.length + p.radius + p.second);
+    if (glm::all(glm::greaterThanEqual(centre - most, bounds_.lower)) &&
+        glm::all(glm::lessThanEqual(centre + most, bounds_.upper))) {
+      return;
+    }
+    const PartMesher mesher(p);
+    std::vector<vec3> row;
+    for (std::uint32_t j = 0; j <= p.along; ++j) {
+      mesher.row(j, row);
+      for (const vec3& v : row) bounds_.extend(dvec3(v));
+    }
+  }
 
   void cut(std::uint32_t i) {
     constexpr std::uint64_t kSlab = 1u << 15;

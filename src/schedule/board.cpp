@@ -23,25 +23,35 @@ Board::Board(const State& state, Evict evict)
       devices_(state.graph->devices.size()),
       channels_(state.graph->channels.size()),
       channelFree_(state.graph->channels.size(), state.now),
-      copies_(state.items.size() * memories_),
+      rows_(state.items.size(), 0),
       places_(state.items.size(), 0),
       rooms_(memories_),
       promised_(memories_, 0.0) {
-  for (std::uint32_t m = 0; m < memories_; ++m) rooms_[m].free = state.graph->memories[m].capacity;
+  for (std::uint32_t m = 0; m < memories_; ++m) {
+    rooms_[m].free = state.graph->memories[m].capacity;
+    if (std::isfinite(rooms_[m].free)) finite_ |= std::uint64_t{1} << m;
+  }
   readCopies();
   readWork();
 }
 
 void Board::readCopies() {
+  const auto any = std::count_if(s_.items.begin(), s_.items.end(),
+                                 [](const Item& item) { return item.bytes > 0.0; });
+  copies_.resize(static_cast<std::size_t>(any) * memories_);
+  std::uint32_t row = 0;
   for (std::uint32_t i = 0; i < s_.items.size(); ++i) {
     const Item& item = s_.items[i];
+    if (item.bytes <= 0.0) continue;
     places_[i] = item.copies;
+    rows_[i] = row;
+    row += memories_;
     for (std::uint64_t rest = item.copies; rest != 0; rest &= rest - 1) {
       const auto m = static_cast<std::uint32_t>(std::countr_zero(rest));
       copy(i, m).arrival = s_.now;
       if (item.moves || !std::isfinite(s_.graph->memories[m].capacity)) continue;
       rooms_[m].free -= item.bytes;
-      if (item.bytes > 0.0) rooms_[m].held.push_back(i);
+      rooms_[m].held.push_back(i);
     }
   }
 }
@@ -51,7 +61,7 @@ void Board::readWork() {
     const double end = std::max(f.end, s_.now + kSoon);
     channels_[f.channel].take(s_.now, end - s_.now);
     channelFree_[f.channel] = channels_[f.channel].free(s_.now);
-    if (s_.items[f.item].moves) continue;
+    if (s_.items[f.item].moves || s_.items[f.item].bytes <= 0.0) continue;
     copy(f.item, f.from).until = std::max(copy(f.item, f.from).until, end);
     copy(f.item, f.to).arrival = end;
     places_[f.item] |= std::uint64_t{1} << f.to;
@@ -65,6 +75,7 @@ void Board::readWork() {
     const std::uint32_t memory = s_.graph->devices[r.device].memory;
     devices_[r.device].take(s_.now, end - s_.now);
     for (std::uint32_t item : r.reads) {
+      if (s_.items[item].bytes <= 0.0) continue;
       copy(item, memory).until = std::max(copy(item, memory).until, end);
     }
     rooms_[memory].free -= r.scratch;
@@ -72,16 +83,29 @@ void Board::readWork() {
   }
 }
 
-double Board::arrivalAtBest(const Item& item, std::uint32_t number, std::uint32_t target) const {
+/// Offer::again, of an item that comes from here.
+double Board::loadedAgain(std::uint32_t item, std::uint32_t source, std::uint32_t target) const {
+  if ((finite_ >> source & 1u) != 0 || (places_[item] & finite_) == 0) return 0.0;
+  const Routes::Hop& hop = s_.routes->hops(source, target).front();
+  return s_.graph->channels[hop.channel].seconds(s_.items[item].bytes);
+}
+
+double Board::arrivalAtBest(const Item& item, std::uint32_t number, std::uint32_t target,
+                            double& again) const {
   double best = copy(number, target).arrival;
   if (best <= s_.now) return best;
+  std::uint32_t source = memories_;
   for (std::uint64_t rest = places_[number]; rest != 0; rest &= rest - 1) {
     const auto m = static_cast<std::uint32_t>(std::countr_zero(rest));
     const std::uint32_t first = s_.routes->firstChannel(m, target);
     if (first == Routes::kNoChannel) continue;
-    best = std::min(best, std::max(copy(number, m).arrival, channelFree_[first]) +
-                              s_.routes->seconds(m, target, item.bytes));
+    const double there = std::max(copy(number, m).arrival, channelFree_[first]) +
+                         s_.routes->seconds(m, target, item.bytes);
+    if (there >= best) continue;
+    best = there;
+    source = m;
   }
+  if (source < memories_) again += loadedAgain(number, source, target);
   return best;
 }
 
@@ -89,17 +113,17 @@ Offer Board::atBest(std::uint32_t job, std::uint32_t device) const {
   const Device& d = s_.graph->devices[device];
   const Job& j = s_.jobs[job];
   if (s_.timing->at(device, j.kind).rates.empty()) return {};
-  double ready = devices_[device].free(s_.now);
+  double ready = devices_[device].free(s_.now), again = 0.0;
   for (std::uint32_t number : j.reads) {
     const Item& item = s_.items[number];
     if (item.bytes <= 0.0) continue;
-    ready = std::max(ready, arrivalAtBest(item, number, item.moves ? d.host : d.memory));
+    ready = std::max(ready, arrivalAtBest(item, number, item.moves ? d.host : d.memory, again));
   }
-  return {ready, ready + s_.timing->at(device, j.kind).seconds(j.amounts)};
+  return {ready, ready + s_.timing->at(device, j.kind).seconds(j.amounts), again};
 }
 
 /// What it would cost to do without a copy: the less, the earlier it goes.
-double Board::loss(std::uint32_t item, std::uint32_t memory) const {
+double Board::lossOf(std::uint32_t item, std::uint32_t memory) const {
   const Item& what = s_.items[item];
   if (evict_ == Evict::kUsedLongestAgo) return what.lastUse;
   double again = kNever;
@@ -111,34 +135,47 @@ double Board::loss(std::uint32_t item, std::uint32_t memory) const {
   return what.need * again;
 }
 
-/// Copies that nobody uses go first, of them those that are missed least; then those in use, as
-/// they become free.
-bool Board::goesBefore(std::uint32_t a, std::uint32_t b, std::uint32_t memory) const {
-  const double untilA = std::max(copy(a, memory).until, s_.now);
-  const double untilB = std::max(copy(b, memory).until, s_.now);
-  if (untilA != untilB) return untilA < untilB;
-  const double lossA = loss(a, memory), lossB = loss(b, memory);
-  return lossA != lossB ? lossA < lossB : a < b;
+double Board::loss(std::uint32_t item, std::uint32_t memory) const {
+  const Copy& c = copy(item, memory);
+  if (c.loss < 0.0) c.loss = lossOf(item, memory);
+  return c.loss;
 }
 
+/// Where an item is has changed.
+void Board::move(std::uint32_t item, std::uint32_t memory, bool there) {
+  const std::uint64_t bit = std::uint64_t{1} << memory;
+  places_[item] = there ? places_[item] | bit : places_[item] & ~bit;
+  for (std::uint32_t m = 0; m < memories_; ++m) copy(item, m).loss = -1.0;
+}
+
+/// Copies that nobody uses go first, of them those that are missed least; then those in use, as
+/// they become free.
 Board::Clearing Board::clear(const Job& job, std::uint32_t memory, double bytes) const {
   const Room& room = rooms_[memory];
   Clearing c{s_.now, {}, 0, room.free};
   while (c.bytes < bytes) {
     std::uint32_t best = 0xffffffffu;
+    double until = kNever, least = kNever;
     for (std::uint32_t k = 0; k < room.held.size(); ++k) {
-      if (contains(job.reads, room.held[k]) || contains(c.victims, k)) continue;
-      if (best == 0xffffffffu || goesBefore(room.held[k], room.held[best], memory)) best = k;
+      const double free = std::max(copy(room.held[k], memory).until, s_.now);
+      if (free > until || contains(job.reads, room.held[k]) || contains(c.victims, k)) continue;
+      const double lost = loss(room.held[k], memory);
+      if (best != 0xffffffffu && free == until &&
+          (lost != least ? lost > least : room.held[k] > room.held[best])) {
+        continue;
+      }
+      best = k;
+      until = free;
+      least = lost;
     }
     const bool release = c.releases < room.releases.size();
     if (best == 0xffffffffu && !release) return {};
-    if (release && (best == 0xffffffffu ||
-                    room.releases[c.releases].time < copy(room.held[best], memory).until)) {
+    if (release && (best == 0xffffffffu || room.releases[c.releases].time < until)) {
       c.time = std::max(c.time, room.releases[c.releases].time);
       c.bytes += room.releases[c.releases++].bytes;
       continue;
     }
-    c.time = std::max(c.time, copy(room.held[best], memory).until);
+    c.time = std::max(c.time, until);
     c.bytes += s_.items[room.held[best]].bytes;
     c.victims.push_back(best);
   }
@@ -176,7 +213,7 @@ double Board::takeRoom(const Job& job, std::uint32_t memory, double bytes, bool 
 void Board::leave(std::uint32_t memory, double time, const std::vector<std::uint32_t>& evicted) {
   for (std::uint32_t item : evicted) {
     copy(item, memory) = {kNever, time};
-    places_[item] &= ~(std::uint64_t{1} << memory);
+    move(item, memory, false);
   }
   if (surplus_ > 0.0) addRelease(memory, {time, surplus_});
   surplus_ = 0.0;
@@ -222,7 +259,7 @@ double Board::along(const Job& job, std::uint32_t item, double from,
     Copy& source = copy(item, hop.from);
     source.until = std::max(source.until, fetch.end);
     copy(item, hop.to) = {fetch.end, fetch.end};
-    places_[item] |= std::uint64_t{1} << hop.to;
+    move(item, hop.to, true);
     if (!what.moves && std::isfinite(s_.graph->memories[hop.to].capacity)) {
       rooms_[hop.to].held.push_back(item);
     }
@@ -248,6 +285,14 @@ double Board::bring(const Job& job, std::uint32_t item, std::uint32_t target, bo
         })) {
       continue;
     }
+    // At best; what is left needs no trial.
+    if (best < kNever && there + s_.routes->seconds(m, target, s_.items[item].bytes) >= best) {
+      continue;
+    }
+    if (places_[item] == std::uint64_t{1} << m) {
+      again_ += loadedAgain(item, m, target);
+      return along(job, item, there, hops, keep);
+    }
     const double end = along(job, item, there, hops, false);
     undoChannels(before);
     promised_ = promised;
@@ -256,16 +301,48 @@ double Board::bring(const Job& job, std::uint32_t item, std::uint32_t target, bo
     source = m;
   }
   if (best == kNever) return kNever;
+  again_ += loadedAgain(item, source, target);
   return along(job, item, copy(item, source).arrival, s_.routes->hops(source, target), keep);
+}
+
+double Board::neededFromStores() const {
+  double all = 0.0, stores = 0.0;
+  for (std::uint32_t i = 0; i < s_.items.size(); ++i) {
+    const Item& item = s_.items[i];
+    if (item.moves || item.bytes <= 0.0) continue;
+    all += item.need;
+    if ((places_[i] & finite_) == 0) stores += item.need;
+  }
+  return all > 0.0 ? stores / all : 0.0;
+}
+
+bool Board::bringAhead(std::uint32_t channel) {
+  if (channels_[channel].end(s_.now) > s_.now) return false;
+  const Link* link = nullptr;
+  std::uint32_t best = 0;
+  for (const Link& l : s_.graph->channels[channel].links) {
+    if ((finite_ >> l.from & 1u) != 0 || (finite_ >> l.to & 1u) == 0) continue;
+    for (std::uint32_t i = 0; i < s_.items.size(); ++i) {
+      const Item& item = s_.items[i];
+      if (item.moves || item.need <= 0.0 || (places_[i] & finite_) != 0) continue;
+      if ((places_[i] >> l.from & 1u) == 0 || rooms_[l.to].free < item.bytes) continue;
+      if (link != nullptr && item.need <= s_.items[best].need) continue;
+      link = &l;
+      best = i;
+    }
+  }
+  if (link == nullptr) return false;
+  along(Job(), best, s_.now, {{channel, link->from, link->to}}, true);
+  return true;
 }
 
 Offer Board::settle(std::uint32_t job, std::uint32_t device, bool keep) {
   const Device& d = s_.graph->devices[device];
   const Job& j = s_.jobs[job];
   if (s_.timing->at(device, j.kind).rates.empty()) return {};
-  if (keep && !settle(job, device, false).possible()) return {};
   std::fill(promised_.begin(), promised_.end(), 0.0);
   taken_.clear();
+  again_ = 0.0;
   double ready = s_.now;
   for (std::uint32_t item : j.reads) {
     if (s_.items[item].bytes <= 0.0 || ready == kNever) continue;
@@ -280,10 +357,11 @@ Offer Board::settle(std::uint32_t job, std::uint32_t device, bool keep) {
   const double length = s_.timing->at(device, j.kind).seconds(j.amounts);
   run.start = devices_[device].earliest(ready, length);
   run.end = run.start + length;
-  const Offer offer{run.start, run.end};
+  const Offer offer{run.start, run.end, again_};
   if (!keep) return offer;
   devices_[device].take(run.start, length);
   for (std::uint32_t item : j.reads) {
+    if (s_.items[item].bytes <= 0.0) continue;
     Copy& c = copy(item, s_.items[item].moves ? d.host : d.memory);
     c.until = std::max(c.until, run.end);
   }

@@ -12,6 +12,7 @@ namespace trex::schedule {
 /// When a job would run on a device: never if it can't.
 struct Offer {
   double start = kNever, end = kNever;
+  double again = 0.0;  ///< seconds of stores' channels for what is in another memory already
   bool possible() const { return start < kNever; }
 };
 
@@ -26,8 +27,17 @@ class Board {
   /// With the earliest free slots: each item that is missing comes over the path that brings it
   /// first, then the job runs. Commits nothing.
   Offer place(std::uint32_t job, std::uint32_t device) { return settle(job, device, false); }
-  /// The same, and commits fetches, evictions and the job.
-  Offer commit(std::uint32_t job, std::uint32_t device) { return settle(job, device, true); }
+  /// The same, and commits fetches, evictions and the job, if it is possible.
+  Offer commit(std::uint32_t job, std::uint32_t device) {
+    return place(job, device).possible() ? settle(job, device, true) : Offer();
+  }
+  /// Likewise, what place() has just said is possible.
+  Offer commitPlaced(std::uint32_t job, std::uint32_t device) { return settle(job, device, true); }
+  /// Brings the item that is needed most of those that are in stores alone over a channel that has
+  /// nothing to do, into room that is free. False if there is no such item, room or channel.
+  bool bringAhead(std::uint32_t channel);
+  /// Of what is needed of items (Item::need), the share that is in stores alone.
+  double neededFromStores() const;
   /// The first moment at which a device has nothing committed any more.
   double deviceEnd(std::uint32_t device) const { return devices_[device].end(s_.now); }
   /// What was committed.
@@ -36,8 +46,9 @@ class Board {
  private:
   /// One item in one memory.
   struct Copy {
-    double arrival = kNever;  ///< when it is there
-    double until = 0.0;       ///< when the last that uses it has ended, or it is given up
+    double arrival = kNever;     ///< when it is there
+    double until = 0.0;          ///< when the last that uses it has ended, or it is given up
+    mutable double loss = -1.0;  ///< of giving it up, once it was asked for
   };
   /// Room that is given back when a job has ended.
   struct Release {
@@ -60,11 +71,9 @@ class Board {
     std::size_t place = 0;
   };
 
-  Copy& copy(std::uint32_t item, std::uint32_t memory) {
-    return copies_[std::size_t{item} * memories_ + memory];
-  }
+  Copy& copy(std::uint32_t item, std::uint32_t memory) { return copies_[rows_[item] + memory]; }
   const Copy& copy(std::uint32_t item, std::uint32_t memory) const {
-    return copies_[std::size_t{item} * memories_ + memory];
+    return copies_[rows_[item] + memory];
   }
   void readCopies();
   void readWork();
@@ -75,19 +84,25 @@ class Board {
   double takeRoom(const Job& job, std::uint32_t memory, double bytes, bool keep,
                   std::vector<std::uint32_t>& evicted);
   double loss(std::uint32_t item, std::uint32_t memory) const;
+  double lossOf(std::uint32_t item, std::uint32_t memory) const;
+  void move(std::uint32_t item, std::uint32_t memory, bool there);
   void leave(std::uint32_t memory, double time, const std::vector<std::uint32_t>& evicted);
   void addRelease(std::uint32_t memory, const Release& release);
-  bool goesBefore(std::uint32_t a, std::uint32_t b, std::uint32_t memory) const;
   Clearing clear(const Job& job, std::uint32_t memory, double bytes) const;
   void undoChannels(std::size_t left);
-  double arrivalAtBest(const Item& item, std::uint32_t number, std::uint32_t target) const;
+  double arrivalAtBest(const Item& item, std::uint32_t number, std::uint32_t target,
+                       double& again) const;
+  double loadedAgain(std::uint32_t item, std::uint32_t source, std::uint32_t target) const;
 
   const State& s_;
   const Evict evict_;
   const std::uint32_t memories_;
   std::vector<Timeline> devices_, channels_;
   std::vector<double> channelFree_;
+  std::vector<std::uint32_t> rows_;  ///< of each item that has bytes: its first place in copies_
   std::vector<Copy> copies_;
+  std::uint64_t finite_ = 0;           ///< memories that are no stores
+  double again_ = 0.0;                 ///< Offer::again of the job that is looked at
   std::vector<std::uint64_t> places_;  ///< of each item: memories with a copy, now or later
   std::vector<Room> rooms_;
   std::vector<double> promised_;  ///< bytes of each memory, to the job that is looked at

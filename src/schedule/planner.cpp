@@ -1,12 +1,21 @@
 #include "src/schedule/planner.h"
 
 #include <algorithm>
+#include <cmath>
+#include <numeric>
 #include <queue>
 
 #include "src/schedule/board.h"
 
 namespace trex::schedule {
 namespace {
+
+/// A second of a store's channel that brings what is in another memory already counts as so many
+/// more if all that is needed is in stores alone, and as none if nothing is: all wait for that
+/// channel then, and units of work can go to where the item is.
+constexpr double kAgain = 8.0;
+/// Of the horizon: what begins so soon is given out between two whole plans.
+constexpr double kSoon = 0.1;
 
 bool hasWork(const Job& job) {
   return std::any_of(job.amounts.begin(), job.amounts.end(), [](double a) { return a > 0.0; });
@@ -22,7 +31,7 @@ struct Pair {
   }
 };
 
-double keyOf(const State& s, Rule rule, const Job& job, const Offer& offer) {
+double keyOf(const State& s, Rule rule, const Job& job, const Offer& offer, double again) {
   switch (rule) {
     case Rule::kEarliestStart:
       return offer.start;
@@ -31,29 +40,28 @@ double keyOf(const State& s, Rule rule, const Job& job, const Offer& offer) {
     case Rule::kMostWork:
       break;
   }
-  return (offer.end - s.now) / std::max(job.worth, 1e-300);
+  return (offer.end - s.now + again * offer.again) / std::max(job.worth, 1e-300);
 }
 
-}  // namespace
-
-/// Keys only grow while more is committed (nearly: a copy may come nearer), so a pair is looked at
-/// again only once it is the first [lazy greedy: Minoux 1978], and cheaply at first.
-Schedule plan(const State& state, const Schedule&, Rule rule) {
-  Board board(state, Evict::kNeededLatest);
+/// Commits the best pairs of a job and one of these devices until nothing more begins within the
+/// horizon; `latest`: of what could not begin by then if it were alone, nothing. Keys only grow
+/// while more is committed (nearly: a copy may come nearer), so a pair is looked at again only once
+/// it is the first [lazy greedy: Minoux 1978], and cheaply at first.
+void commitBest(Board& board, const State& state, Rule rule, std::span<const std::uint32_t> devices,
+                double latest, std::vector<bool>& committed) {
+  const double again = kAgain * board.neededFromStores();
   std::vector<Pair> pairs;
-  const auto devices = static_cast<std::uint32_t>(state.graph->devices.size());
   for (std::uint32_t j = 0; j < state.jobs.size(); ++j) {
-    if (!hasWork(state.jobs[j])) continue;
-    for (std::uint32_t d = 0; d < devices; ++d) {
+    if (committed[j] || !hasWork(state.jobs[j])) continue;
+    for (const std::uint32_t d : devices) {
       const Offer offer = board.atBest(j, d);
-      if (!offer.possible()) continue;
+      if (!offer.possible() || offer.start > latest) continue;
       pairs.push_back(
-          {keyOf(state, rule, state.jobs[j], offer), offer.start + state.horizon, j, d});
+          {keyOf(state, rule, state.jobs[j], offer, again), offer.start + state.horizon, j, d});
     }
   }
   std::priority_queue<Pair, std::vector<Pair>, std::greater<>> queue(std::greater<>(),
                                                                      std::move(pairs));
-  std::vector<bool> committed(state.jobs.size(), false);
   bool any = false;
   while (!queue.empty()) {
     Pair p = queue.top();
@@ -61,16 +69,71 @@ Schedule plan(const State& state, const Schedule&, Rule rule) {
     if (committed[p.job]) continue;
     const auto isFirst = [&](const Offer& offer) {
       if (!offer.possible() || (any && offer.start > p.latest)) return false;
-      p.key = std::max(p.key, keyOf(state, rule, state.jobs[p.job], offer));
+      p.key = std::max(p.key, keyOf(state, rule, state.jobs[p.job], offer, again));
       if (queue.empty() || !(p > queue.top())) return true;
       queue.push(p);
       return false;
     };
     if (!isFirst(board.atBest(p.job, p.device)) || !isFirst(board.place(p.job, p.device))) continue;
-    committed[p.job] = board.commit(p.job, p.device).possible();
-    any = true;
+    board.commitPlaced(p.job, p.device);
+    committed[p.job] = any = true;
   }
-  return std::move(board.schedule());
+}
+
+/// Channels that leave a store and bring something, or will.
+std::uint64_t feeding(const State& state, const Schedule& made) {
+  std::uint64_t channels = 0;
+  const auto note = [&](const Fetch& f) {
+    if (f.channel < 64 && !std::isfinite(state.graph->memories[f.from].capacity)) {
+      channels |= std::uint64_t{1} << f.channel;
+    }
+  };
+  std::for_each(state.moving.begin(), state.moving.end(), note);
+  std::for_each(made.fetches.begin(), made.fetches.end(), note);
+  return channels;
+}
+
+/// What was planned is kept, in its order; devices that have nothing to do get what can begin soon.
+/// False if all has to be planned anew: it is time, all stands still, or a store's channel has run
+/// out of work.
+bool goOn(const State& state, const Schedule& previous, Rule rule, Schedule& made) {
+  const bool stands = state.running.empty() && state.moving.empty();
+  if (stands || !(state.now < previous.whole + state.patience)) return false;
+  Board board(state, Evict::kNeededLatest);
+  std::vector<bool> committed(state.jobs.size(), false);
+  for (const Run& r : previous.runs) {
+    if (committed[r.job] || !hasWork(state.jobs[r.job])) continue;
+    committed[r.job] = board.commit(r.job, r.device).possible();
+  }
+  std::vector<std::uint32_t> idle;
+  for (std::uint32_t d = 0; d < state.graph->devices.size(); ++d) {
+    if (board.deviceEnd(d) <= state.now) idle.push_back(d);
+  }
+  if (!idle.empty()) {
+    commitBest(board, state, rule, idle, state.now + kSoon * state.horizon, committed);
+  }
+  made = std::move(board.schedule());
+  made.whole = previous.whole;
+  made.feeding = previous.feeding;
+  return (previous.feeding & ~feeding(state, made)) == 0;
+}
+
+}  // namespace
+
+Schedule plan(const State& state, const Schedule& previous, Rule rule) {
+  Schedule made;
+  if (goOn(state, previous, rule, made)) return made;
+  Board board(state, Evict::kNeededLatest);
+  std::vector<bool> committed(state.jobs.size(), false);
+  std::vector<std::uint32_t> devices(state.graph->devices.size());
+  std::iota(devices.begin(), devices.end(), 0u);
+  commitBest(board, state, rule, devices, kNever, committed);
+  const bool works = !state.running.empty() || !board.schedule().runs.empty();
+  for (std::uint32_t c = 0; c < state.graph->channels.size() && works; ++c) board.bringAhead(c);
+  made = std::move(board.schedule());
+  made.whole = state.now;
+  made.feeding = feeding(state, made);
+  return made;
 }
 
 namespace {

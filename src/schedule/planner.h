@@ -19,7 +19,10 @@ enum class Rule {
 };
 constexpr Rule kDefaultRule = Rule::kMostWork;
 
-/// `previous` is what the same function said last, less what has begun since.
+/// `previous` is what the same function said last, less what has begun since. Until
+/// State::patience is over that is kept, and only devices without work get more; then, and when a
+/// store's channel has run out of work, all is planned anew, and channels that are idle even so
+/// bring what is needed most (Item::need) of what is in stores alone, if there is room.
 Schedule plan(const State& state, const Schedule& previous, Rule rule = kDefaultRule);
 
 /// Jobs by number, in turn, to whichever device is idle; data is brought when the job is taken.

@@ -17,7 +17,7 @@ struct Item {
   /// A transfer moves it, and it is in nobody's cache (a queue of units of work): never evicted,
   /// and outside of the capacities. It is read in Device::host, all else in Device::memory.
   bool moves = false;
-  double need = 0.0;     ///< what is evicted first has the least: needed latest
+  double need = 0.0;     ///< what is evicted first has the least: needed latest. 0: never
   double lastUse = 0.0;  ///< seconds; for eviction of what was used longest ago
 };
 
@@ -48,7 +48,9 @@ struct Run {
 struct Schedule {
   std::vector<Fetch> fetches;
   std::vector<Run> runs;
-  std::uint32_t cursor = 0;  ///< where a rule that goes round has stopped
+  std::uint32_t cursor = 0;   ///< where a rule that goes round has stopped
+  double whole = -kNever;     ///< seconds: when all was planned anew that has not begun
+  std::uint64_t feeding = 0;  ///< bit c: then channel c brought something from a store, or will
   /// When all has ended; 0 if there is nothing.
   double makespan() const;
 };

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <numeric>
 
 #include "src/core/error.h"
 #include "src/schedule/forecast.h"
@@ -11,7 +12,16 @@
 namespace trex::schedule {
 namespace {
 
-constexpr int kStepsAhead = 2;  ///< of units, when it is judged what is needed latest
+constexpr int kStepsAhead = 8;  ///< of units, when it is judged what is needed latest
+/// Share of what goes from a block to another that is taken to go back: of 0, .02, .1, .3 and 1 the
+/// middle ones load least.
+constexpr double kBackward = 0.2;
+/// Of a block that is not there: the more of its units are still to come, the longer it waits,
+/// since what is there by then does not need another load. By the share of all items that memories
+/// do not hold: where all fits, nothing is loaded again, and the earlier the better.
+constexpr double kPatience = 8.0;
+/// Of a block that nobody knows anything of.
+constexpr double kLeastNeed = 1e-6;
 
 /// A unit, or units that go together: a walk and how far it is.
 struct Unit {
@@ -38,11 +48,15 @@ class Simulation {
         graph_(*in.graph),
         routes_(*in.graph, typicalBytes()),
         noise_(in.disturbance.seed),
-        forecast_(w_.stations()) {
+        forecast_(w_.stations(), kBackward) {
     for (const Device& d : graph_.devices) {
       if (std::find(hosts_.begin(), hosts_.end(), d.host) == hosts_.end()) hosts_.push_back(d.host);
     }
     queues_.resize(w_.stations() * hosts_.size());
+    double held = 0.0;
+    for (const Memory& m : graph_.memories) held += std::isfinite(m.capacity) ? m.capacity : 0.0;
+    const double all = std::accumulate(w_.itemBytes.begin(), w_.itemBytes.end(), 0.0);
+    patience_ = all > held ? kPatience * (1.0 - held / all) : 0.0;
     makeItems();
     makeJobs();
     children_.resize(w_.walks.size());
@@ -108,6 +122,7 @@ class Simulation {
     state_.routes = &routes_;
     state_.timing = in_.assumed;
     state_.horizon = in_.horizon;
+    state_.patience = in_.patience;
     state_.rivalsEvict = in_.rivalsEvict;
     for (std::uint32_t b = 0; b < w_.stations(); ++b) {
       Job job;
@@ -174,17 +189,23 @@ class Simulation {
     }
   }
 
-  /// What jobs are worth, and how soon items are needed: by what waits and what is expected.
+  /// What jobs are worth, and how soon items are needed: by what waits and what is expected. That
+  /// changes slowly, and is asked again as seldom as all is planned anew.
   void judge() {
-    std::vector<double> coming(w_.stations(), 0.0), soon(w_.stations(), 0.0);
-    if (in_.forecast) {
-      coming = forecast_.coming(queued_, 1, resident_);
-      soon = forecast_.coming(queued_, kStepsAhead);
+    std::vector<double> coming(w_.stations(), 0.0);
+    if (in_.forecast) coming = forecast_.coming(queued_, 1, resident_);
+    if (in_.forecast && (later_.empty() || state_.now >= judged_ + in_.patience)) {
+      later_ = forecast_.coming(queued_, kStepsAhead);
+      judged_ = state_.now;
     }
-    for (std::size_t i = 0; i < w_.itemBytes.size(); ++i) state_.items[i].need = 0.0;
+    if (later_.empty()) later_.resize(w_.stations(), 0.0);
+    for (std::size_t i = 0; i < w_.itemBytes.size(); ++i) state_.items[i].need = kLeastNeed;
     for (std::uint32_t b = 0; b < w_.stations(); ++b) {
-      state_.jobs[b].worth = queued_[b] > 0.0 ? queued_[b] + coming[b] : 0.0;
-      for (std::uint32_t item : w_.reads[b]) state_.items[item].need += queued_[b] + soon[b];
+      const double now = queued_[b] + coming[b], later = std::max(0.0, later_[b] - coming[b]);
+      double& worth = state_.jobs[b].worth;
+      worth = queued_[b] > 0.0 ? now : 0.0;
+      if (worth > 0.0 && !resident_[b]) worth *= now / (now + patience_ * later);
+      for (std::uint32_t item : w_.reads[b]) state_.items[item].need += queued_[b] + later_[b];
     }
   }
 
@@ -342,6 +363,8 @@ class Simulation {
   std::vector<std::vector<Unit>> queues_;  ///< of each station and host
   std::vector<std::vector<std::uint32_t>> children_;
   std::vector<double> queued_;  ///< units at each station
+  std::vector<double> later_;   ///< units that are expected, as of `judged_`
+  double judged_ = 0.0, patience_ = 0.0;
   std::vector<char> resident_;  ///< a device can serve the station as it is
   std::vector<ActiveRun> runs_;
   std::vector<ActiveFetch> fetches_;

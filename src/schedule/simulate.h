@@ -35,6 +35,7 @@ struct SimulationInput {
   bool forecast = true;    ///< Job::worth and Item::need count what is expected, too
   double mostUnits = 2e6;  ///< of one job; the rest waits for the next
   double horizon = 0.2;    ///< State::horizon; half of the time of a load or so
+  double patience = 0.03;  ///< State::patience
 };
 
 struct SimulationResult {

@@ -33,6 +33,8 @@ struct State {
   /// Seconds that a job may begin later than it could if nothing else were planned; what begins
   /// later is left to later plans. kNever: plan all.
   double horizon = 0.0;
+  /// Seconds for which a plan is kept; see plan(). 0: all is planned anew at every call.
+  double patience = 0.0;
   std::vector<Item> items;
   std::vector<Job> jobs;         ///< that have not begun
   std::vector<Running> running;  ///< at most one a device

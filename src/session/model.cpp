@@ -16,6 +16,11 @@ void release(std::vector<T>& array) {
 
 }  // namespace
 
+std::uint64_t bytesOf(const asvo::Tree& tree) {
+  return tree.nodes.size() * sizeof(asvo::uvec2) + tree.voxels.size() * sizeof(asvo::uvec4) +
+         tree.leaves.size() * sizeof(asvo::uvec2);
+}
+
 int voxelDepthFor(std::uint64_t pixels) { return pixels >= 40'000 ? 8 : pixels >= 10'000 ? 7 : 6; }
 
 void freeSourceArrays(Scene& scene) {

@@ -1,7 +1,9 @@
 // A scene made ready for rays: what sessions render from and `trex bake` keeps.
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <optional>
 
 #include "asvo/asvo.h"
 #include "src/crays/ray_scene.h"
@@ -35,6 +37,8 @@ struct ModelOptions {
   int precisionBits = 24;        ///< grid cells along a mesh's largest extent: 2^bits, 8..24
   std::uint64_t cacheBytes = 0;  ///< limit of pages in memory; 0: all of them
   PagedSizes paged = {};         ///< set by who opens a bundle, before it asks for the others
+  /// Likewise: bytes of the bundle's voxels, which are in memory; nothing without a bundle.
+  std::optional<std::uint64_t> bakedVoxels = {};
 };
 
 /// Builds what the scene and the options require. Throws Error. Uses the calling oneTBB arena.
@@ -48,6 +52,9 @@ std::shared_ptr<asvo::Tree> makeVoxels(const Scene& scene, const std::vector<Mat
                                        const dvec3& renderOrigin, const ModelOptions& options);
 /// Frees what only building needs of a scene's meshes.
 void freeSourceArrays(Scene& scene);
+
+/// Of a tree's arrays.
+std::uint64_t bytesOf(const asvo::Tree& tree);
 
 /// Leaves are no finer than the picture can show: 256 along the cube from 200 x 200 pixels on.
 int voxelDepthFor(std::uint64_t pixels);

@@ -25,6 +25,7 @@ constexpr std::uint64_t kExpandedBytes = 48;        // a triangle of small meshe
 constexpr std::uint64_t kMeshBytesATriangle = 12;   // clusters and their hierarchy
 constexpr std::uint64_t kPlacedBytes = 24;          // a placed triangle while voxels are built
 constexpr std::uint64_t kVoxelCopies = 6;           // built; kept, on the device, flux and light
+constexpr std::uint64_t kLightCopies = 5;  // beside the tree: on the device, flux, light, tables
 constexpr std::uint64_t kFewestVoxelBytes = 4u << 20;
 constexpr std::uint64_t kProgramBytes = 128u << 20;  // with the libraries that read images
 constexpr std::uint64_t kDeviceBytes = 96u << 20;    // driver, compiled shaders, batches of cones
@@ -129,7 +130,7 @@ void checkSourceFits(const std::filesystem::path& source, const RenderSettings& 
 }
 
 Preflight preflight(const Scene& scene, const RenderSettings& settings, const PictureLayers& layers,
-                    std::uint64_t bakedBytes, std::uint64_t topLevelBytes) {
+                    std::optional<std::uint64_t> bakedVoxels, std::uint64_t topLevelBytes) {
   Preflight p;
   p.allowed = allowedBytes(settings);
   const auto phase = [&p](const char* name, std::uint64_t bytes) {
@@ -152,20 +153,20 @@ Preflight preflight(const Scene& scene, const RenderSettings& settings, const Pi
   const bool device = voxels && settings.device != RenderSettings::kNoDevice;
   phase("now, with the source,", here);
   phase("building meshes", here + unique * kBuildBytesATriangle);
-  if (voxels && bakedBytes == 0) {
+  if (voxels && !bakedVoxels) {
     phase("building voxels",
           here + meshes + scene.triangleCount() * kPlacedBytes + tiles + 2 * kFewestVoxelBytes);
   }
   // Memory that was freed may stay with the process in part: half is counted on.
-  // A bundle is resident by now; its voxels go to the device once more, with light and flux.
+  // A bundle's voxels are resident by now; what is made of them is not.
   const std::uint64_t voxelBytes =
-      bakedBytes > 0 ? 2 * bakedBytes : kFewestVoxelBytes * kVoxelCopies;
+      bakedVoxels ? *bakedVoxels * kLightCopies : kFewestVoxelBytes * kVoxelCopies;
   phase("rendering", here - std::min(here, sourceBytes(scene) / 2) + meshes + topLevelBytes +
                          tiles + (device ? kDeviceBytes : 0) + (voxels ? voxelBytes : 0) +
                          (settings.servesModel ? meshes + kFewestVoxelBytes : 0) +
                          settings.sharedBytes + frameBytes(settings, layers));
   logVerbose("memory: {:>10} allowed", formatBytes(p.allowed));
-  if (p.needed > p.allowed) refuse(p, settings, bakedBytes > 0);
+  if (p.needed > p.allowed) refuse(p, settings, bakedVoxels.has_value());
   if (voxels) {
     // What does not fit on the device is paged.
     p.voxelBytes = kFewestVoxelBytes + (p.allowed - p.needed) / kVoxelCopies;

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -36,9 +37,9 @@ void checkSourceFits(const std::filesystem::path& source, const RenderSettings& 
 
 /// Estimates from an imported scene, whose own bytes are measured. Logs the table (kVerbose).
 /// Throws Error(kMemoryOrDevice), with the table in the log, if it does not fit.
-/// `bakedBytes`: size of the bundle that the scene is from, 0 if it is imported; without pages on
-/// disk, whose hierarchy takes `topLevelBytes`.
+/// `bakedVoxels`: bytes of the voxels of the bundle that the scene is from; nothing if it is
+/// imported. The hierarchy of pages on disk takes `topLevelBytes`.
 Preflight preflight(const Scene& scene, const RenderSettings& settings, const PictureLayers& layers,
-                    std::uint64_t bakedBytes = 0, std::uint64_t topLevelBytes = 0);
+                    std::optional<std::uint64_t> bakedVoxels = {}, std::uint64_t topLevelBytes = 0);
 
 }  // namespace trex

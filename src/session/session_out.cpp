@@ -126,9 +126,7 @@ SessionReport Session::report() const {
     out.voxels = tree->info.nodeCount;
     out.leaves = tree->info.leafCount;
     out.voxelDepth = static_cast<int>(tree->info.depth);
-    out.voxelBytes = tree->nodes.size() * sizeof(asvo::uvec2) +
-                     tree->voxels.size() * sizeof(asvo::uvec4) +
-                     tree->leaves.size() * sizeof(asvo::uvec2);
+    out.voxelBytes = bytesOf(*tree);
   }
   if (const LightPass* pass = light_.pass()) {
     out.photons = pass->emitted();

@@ -197,6 +197,89 @@ TEST(Schedule, HorizonLeavesTheRest) {
   EXPECT_EQ(earliestStart(s->state, {}).runs.size(), 1u);
 }
 
+TEST(Schedule, APlanIsKeptForAWhile) {
+  auto s = oneDevice(1000.0);
+  for (int i = 0; i < 3; ++i) addBlock(s->state, 10.0, 10.0);
+  s->state.items[0].copies = s->state.items[1].copies = 3u;
+  s->state.patience = 5.0;
+  s->state.horizon = 100.0;
+  s->state.jobs[1].worth = 5.0;
+  Schedule before = mostWork(s->state, {});
+  ASSERT_EQ(before.runs.size(), 3u);
+  EXPECT_EQ(before.runs[0].job, 0u);
+  EXPECT_EQ(before.whole, 0.0);
+  // The first job runs and the load is under way; the order of the rest would be another by now.
+  s->state.running = {{0, 10.0, {0}, 0.0}};
+  s->state.moving = before.fetches;
+  s->state.jobs[0].amounts = {0.0};
+  before.runs.erase(before.runs.begin());
+  s->state.now = 1.0;
+  for (std::size_t j = 1; j < 3; ++j) s->state.jobs[j].worth = 1000.0 - s->state.jobs[j].worth;
+  s->state.jobs[2].worth = 1e6;
+  const Schedule kept = mostWork(s->state, before);
+  EXPECT_EQ(kept.runs[0].job, before.runs[0].job);
+  EXPECT_EQ(kept.whole, 0.0);
+  s->state.now = 6.0;
+  const Schedule anew = mostWork(s->state, before);
+  EXPECT_EQ(anew.whole, 6.0);
+  // Nothing is kept where the store's channel is idle, ...
+  s->state.now = 1.0;
+  s->state.moving.clear();
+  s->state.items[2].copies = 3u;
+  EXPECT_EQ(mostWork(s->state, before).whole, 1.0);
+  // ... or where all stands still.
+  before.feeding = 0;
+  EXPECT_EQ(mostWork(s->state, before).whole, 0.0);
+  s->state.running.clear();
+  EXPECT_EQ(mostWork(s->state, before).whole, 1.0);
+}
+
+TEST(Schedule, AnIdleStoreBringsWhatIsNeededMost) {
+  auto s = oneDevice(25.0);
+  for (int i = 0; i < 4; ++i) addBlock(s->state, 10.0, 0.0);
+  s->state.items[0].copies = 3u;
+  for (std::uint32_t i = 0; i < 4; ++i) s->state.items[i].need = 1.0 + i % 3;
+  EXPECT_TRUE(mostWork(s->state, {}).fetches.empty());  // nothing goes on that could need it
+  s->state.jobs[0].amounts = {1.0};
+  const Schedule made = mostWork(s->state, {});
+  ASSERT_EQ(made.fetches.size(), 1u);
+  EXPECT_EQ(made.fetches[0].item, 2u);
+  EXPECT_TRUE(made.fetches[0].evicted.empty());
+  EXPECT_EQ(problem(made, s->state), "");
+  for (Item& item : s->state.items) item.need = 0.0;
+  EXPECT_TRUE(mostWork(s->state, {}).fetches.empty());
+  // Nothing goes for it.
+  s->state.items[1].copies = 3u;
+  s->state.items[2].need = 1.0;
+  EXPECT_TRUE(mostWork(s->state, {}).fetches.empty());
+}
+
+TEST(Schedule, WorkGoesToWhereItsDataIs) {
+  // Two machines with a disk each, joined by a link; the block is on the first one's memory. The
+  // second would be done a little earlier if it loaded the block again.
+  auto s = std::make_unique<Setting>();
+  s->graph.memories = {
+      {"disk 1", kNever}, {"main 1", 100.0}, {"disk 2", kNever}, {"main 2", 100.0}};
+  s->graph.channels = {{"SATA 1", 1.0, 0.0, {{0, 1}}},
+                       {"SATA 2", 1.0, 0.0, {{2, 3}}},
+                       {"port 1", 0.5, 0.0, {{1, 3}}},
+                       {"port 2", 1.0, 0.0, {{3, 1}}}};
+  s->graph.devices = {{"CPU 1", 1, 1}, {"CPU 2", 3, 3}};
+  s->timing = TimingModel(2, 1);
+  s->timing.set(0, 0, {0.0, {1.0}});
+  s->timing.set(1, 0, {0.0, {1.0}});
+  s->finish();
+  s->state.items.push_back({10.0, 0b0111, false, 1.0, 0.0});
+  s->state.items.push_back({12.0, 0b1000, true, 0.0, 0.0});  // a queue on the second
+  s->state.jobs.push_back({0, {0, 1}, {5.0}, 5.0, 0.0, 0.0});
+  EXPECT_EQ(mostWork(s->state, {}).runs.at(0).device, 1u);  // disks have nothing else to do
+  s->state.items.push_back({10.0, 0b0101, false, 9.0, 0.0});
+  const Schedule made = mostWork(s->state, {});
+  ASSERT_EQ(made.runs.size(), 1u);
+  EXPECT_EQ(made.runs[0].device, 0u);
+  EXPECT_EQ(earliestFinish(s->state, {}).runs.at(0).device, 1u);
+}
+
 TEST(Schedule, BadGraphsAreRefused) {
   const auto refused = [](const std::function<void(Graph&)>& change) {
     auto s = slowChannel();

@@ -96,6 +96,19 @@ TEST(Synth, TrianglesLieInTheBoundsAndAreAsManyAsStated) {
   }
 }
 
+TEST(Synth, PartsThatReachFarAreInTheBounds) {
+  const auto stream = openSynth("synth:assembly?triangles=4e6&seed=3");
+  const Box3d box = stream->bounds();
+  TriangleBatch batch;
+  Box3d all;
+  for (std::uint64_t i = 0; i < stream->batchCount(); ++i) {
+    stream->batch(i, batch);
+    for (const vec3& v : batch.positions) all.extend(dvec3(v));
+  }
+  EXPECT_TRUE(glm::all(glm::lessThanEqual(box.lower, all.lower)));
+  EXPECT_TRUE(glm::all(glm::lessThanEqual(all.upper, box.upper)));
+}
+
 TEST(Synth, EqualBitsEachTimeOtherSeedsOtherTriangles) {
   for (const char* model : kModels) {
     const auto a = openSynth(nameOf(model, "?triangles=2e4&seed=3"));
