@@ -44,7 +44,7 @@ class LightCache final : public CachedLight {
   /// The tree must outlive the cache. Without setLight() nothing is found.
   explicit LightCache(const asvo::Tree& tree);
   /// `light` as in asvo_layout.h, in units of `scale` W/m^2, of so many photons: the more there
-  /// are, the finer are the voxels that wide footprints read. The span must stay valid.
+  /// are, the finer are the voxels that footprints read. The span must stay valid.
   void setLight(std::span<const asvo::uvec4> light, double scale, double photons);
 
   bool hasLight() const { return !light_.empty(); }
