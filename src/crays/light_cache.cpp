@@ -10,6 +10,9 @@ constexpr std::uint32_t kCoarserForFootprint = 2;  // levels that a wide footpri
 /// Photons a leaf from which on it may go up a level less, and again so many times as many: coarse
 /// voxels spread light over the edges of shadows, and are read for their smaller noise alone.
 constexpr double kPhotonsOfLeaf = 1.0, kForALevel = 8.0;
+/// Levels that every footprint goes up where voxels have fewer photons than kPhotonsOfLeaf: so few
+/// make spots rather than light.
+constexpr std::uint32_t kCoarserForNoise = 2;
 /// Cosine between a surface and its voxel's normal. Where surfaces of all directions meet in one
 /// voxel, as wall, roof and their outer faces do, one that stands across its normal has no side.
 /// Three walls of a corner have 0.577.
@@ -33,13 +36,20 @@ void LightCache::setLight(std::span<const asvo::uvec4> light, double scale, doub
     enough *= kForALevel;
     --coarser_;
   }
+  least_ = 0;
+  for (double leaves = info_.leafCount;
+       least_ < kCoarserForNoise && photons < kPhotonsOfLeaf * leaves;) {
+    leaves *= 0.25;  // a surface has a quarter of the voxels a level up
+    ++least_;
+  }
 }
 
 bool LightCache::irradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
                             vec3& out) const {
   if (light_.empty()) return false;
   const float wide = std::max(radius / leafSize_, 1.0f);
-  const auto up = std::min(static_cast<std::uint32_t>(std::ilogb(wide)), coarser_);
+  const auto up =
+      std::max(std::min(static_cast<std::uint32_t>(std::ilogb(wide)), coarser_), least_);
   const std::uint32_t level = info_.depth - std::min(up, info_.depth);
   const float edge = info_.size / static_cast<float>(1u << level);
   const Basis basis(normal);

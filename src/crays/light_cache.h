@@ -28,8 +28,10 @@ struct FootprintRule {
 class CachedLight {
  public:
   virtual ~CachedLight() = default;
-  /// Length below which it knows no detail, metres: it serves rays with wider footprints. 0: all.
+  /// Edge of what it is made of, metres; 0: of points.
   virtual float leafSize() const = 0;
+  /// Length below which it knows no detail, metres: it serves rays with wider footprints. 0: all.
+  virtual float detail() const { return leafSize(); }
   /// Irradiance at a surface point on the side of `normal`, W/m^2. `radius`: of the footprint,
   /// metres; `jitter` in [0, 1)^2. False where nothing is known, and the ray goes on.
   virtual bool irradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
@@ -42,7 +44,7 @@ class LightCache final : public CachedLight {
   /// The tree must outlive the cache. Without setLight() nothing is found.
   explicit LightCache(const asvo::Tree& tree);
   /// `light` as in asvo_layout.h, in units of `scale` W/m^2, of so many photons: the more there
-  /// are, the finer are the voxels that wide footprints read. The span must stay valid.
+  /// are, the finer are the voxels that footprints read. The span must stay valid.
   void setLight(std::span<const asvo::uvec4> light, double scale, double photons);
 
   bool hasLight() const { return !light_.empty(); }
@@ -52,6 +54,8 @@ class LightCache final : public CachedLight {
 
   /// Edge of a leaf voxel, metres.
   float leafSize() const override { return leafSize_; }
+  /// Of few photons, edge of the voxels that are read at least.
+  float detail() const override { return leafSize_ * static_cast<float>(1u << least_); }
   const asvo::Tracer& tracer() const { return tracer_; }
 
   /// Irradiance at a surface point on the side of `normal`, from the level that the footprint
@@ -68,6 +72,7 @@ class LightCache final : public CachedLight {
   asvo::AsvoInfo info_{};
   float leafSize_ = 0.0f;
   float scale_ = 1.0f;
+  std::uint32_t least_ = 0;    ///< levels that every footprint goes up
   std::uint32_t coarser_ = 0;  ///< levels that a wide footprint may go up
 };
 

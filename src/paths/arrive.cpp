@@ -114,7 +114,7 @@ void PathTracer::emit(WavePath& path) const {
 bool PathTracer::endInCache(WavePath& path, const vec3& side) const {
   if (!(path.density() < kInfinity)) return false;
   const float radius = (path.travelled + path.hit.t) * guess_.footprint.spread(path.roughness);
-  if (radius < guess_.footprint.cacheVoxels * guess_.cache->leafSize()) return false;
+  if (radius < guess_.footprint.cacheVoxels * guess_.cache->detail()) return false;
   const vec2 jitter = path.sampler.next2D();
   vec3 irradiance;
   if (!guess_.cache->irradiance(vec3(path.surface.position), side, radius, jitter, irradiance)) {

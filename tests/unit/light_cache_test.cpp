@@ -39,8 +39,8 @@ TEST(LightCache, LayersThatHideEachOtherHaveNoLightOfTheirOwn) {
   }
 }
 
-/// The more photons there are, the finer are the voxels that a wide footprint reads.
-TEST(LightCache, WideFootprintsReadFinerVoxelsOfMorePhotons) {
+/// The more photons there are, the finer are the voxels that a footprint reads.
+TEST(LightCache, FootprintsReadFinerVoxelsOfMorePhotons) {
   Scene scene;
   scene.materials = {test::lambert(0.5f)};
   test::place(scene, test::sheet(2.0f, 0.0f, 0));
@@ -70,7 +70,17 @@ TEST(LightCache, WideFootprintsReadFinerVoxelsOfMorePhotons) {
   EXPECT_EQ(levelRead(2.0, 5.0f), leaves - 1);
   EXPECT_EQ(levelRead(10.0, 5.0f), leaves);
   EXPECT_EQ(levelRead(0.5, 2.5f), leaves - 1);
-  EXPECT_EQ(levelRead(0.5, 1.0f), leaves);
+  // Leaves of few photons are not read at all, and rays that would have to go on.
+  const auto reads = [&](double photonsOfLeaf, std::uint32_t level) {
+    EXPECT_EQ(levelRead(photonsOfLeaf, 1.0f), level);
+    EXPECT_EQ(cache.detail(), std::ldexp(cache.leafSize(), static_cast<int>(leaves - level)));
+  };
+  reads(1.0, leaves);
+  reads(0.5, leaves - 1);
+  reads(0.25, leaves - 1);
+  reads(0.2, leaves - 2);
+  reads(0.001, leaves - 2);
+  reads(1.0, leaves);  // more of them bring the detail back
 }
 
 /// A thin plate has two sides, a corner two walls: all of it can be seen.
