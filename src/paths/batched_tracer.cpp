@@ -15,8 +15,9 @@ struct BatchedTracer::Batch {
   std::uint32_t width;
   std::span<PathSample> samples;
   std::span<RayCounts> counts;
-  WaitingPath* paths;  ///< by job; made when the path begins
-  PageRounds* rounds;
+  std::span<const PathState> begun;  ///< paths that go on instead of jobs that begin
+  WaitingPath* paths = nullptr;      ///< by job; made when the path begins
+  PageRounds* rounds = nullptr;
 };
 
 /// A thread: takes rays whose page is there, and takes their paths as far as they go.
@@ -24,7 +25,7 @@ struct BatchedTracer::Worker {
   const PathTracer& tracer;
   const RayScene& rays;
   Batch& batch;
-  std::vector<ConeRequest> cones{};
+  Cones cones{};
   Wave wave{cones};
   std::vector<std::uint32_t> ready{};  ///< paths that go on
   unsigned thread = 0;
@@ -89,22 +90,27 @@ void BatchedTracer::Worker::park(std::uint32_t job, bool shadow) {
 
 WavePath& BatchedTracer::Worker::enter(std::uint32_t job, const PathState& state,
                                        const Sampler& sampler) {
-  WavePath& path = wave.paths.emplace_back(state, sampler);
-  path.sample = &batch.samples[job];
-  path.counts = &batch.counts[job];
-  path.caustics = tracer.caustics_ ? tracer.caustics_->find(path.number) : nullptr;
+  WavePath& path = tracer.enter(wave, state, sampler, batch.samples[job], batch.counts[job]);
   wave.underWay.push_back(&path);
   return path;
 }
 
 void BatchedTracer::Worker::begin(std::uint32_t job) {
+  const auto first = [&](const PathState& state, const Sampler& sampler) {
+    std::construct_at(&batch.paths[job], WaitingPath{.state = state});
+    WavePath& path = enter(job, state, sampler);
+    if (path.paired) ++path.counts->exactPaths;
+    if (!trace(path)) wave.underWay.pop_back();
+  };
+  if (!batch.begun.empty()) {
+    PathState state = batch.begun[job].resumed();
+    state.job = job;
+    return first(state, Sampler(state.random));
+  }
   const PathJob& j = batch.jobs[job];
   Sampler sampler(j.y * batch.width + j.x, j.sample, tracer.seed_);
   const PathState state = tracer.generate(j, job, sampler);
-  std::construct_at(&batch.paths[job], WaitingPath{.state = state});
-  WavePath& path = enter(job, state, sampler);
-  if (path.paired) ++path.counts->exactPaths;
-  if (!trace(path)) wave.underWay.pop_back();
+  first(state, sampler);
 }
 
 /// Paths of the wave whose next surface is known, through all stages, until the last one waits or
@@ -228,27 +234,43 @@ struct FreePaths {
 
 }  // namespace
 
-bool BatchedTracer::trace(std::span<const PathJob> jobs, std::uint32_t width,
-                          std::span<PathSample> samples, std::span<RayCounts> counts,
-                          std::vector<ConeRequest>& cones, const std::function<bool()>& giveUp) {
-  const std::unique_ptr<WaitingPath, FreePaths> paths(
-      std::allocator<WaitingPath>().allocate(jobs.size()), FreePaths{jobs.size()});
-  PageRounds rounds(rays_, choice_, record_, jobs.size(), 2 * jobs.size(), giveUp);
-  Batch batch{jobs, width, samples, counts, paths.get(), &rounds};
+bool BatchedTracer::run(Batch& batch, std::size_t count, Cones& cones,
+                        const std::function<bool()>& giveUp) {
+  const std::unique_ptr<WaitingPath, FreePaths> paths(std::allocator<WaitingPath>().allocate(count),
+                                                      FreePaths{count});
+  PageRounds rounds(rays_, choice_, record_, count, 2 * count, giveUp);
+  batch.paths = paths.get();
+  batch.rounds = &rounds;
   std::mutex merging;
   const bool whole = rounds.run([&](unsigned thread) {
     Worker worker{tracer_, rays_, batch};
     worker.thread = thread;
     worker.run();
     const std::lock_guard lock(merging);
-    cones.insert(cones.end(), worker.cones.begin(), worker.cones.end());
+    cones.append(worker.cones);
   });
   report_.add(rounds.report());
-  if (!whole) return false;
-  std::sort(cones.begin(), cones.end(), [](const ConeRequest& a, const ConeRequest& b) {
-    return a.job != b.job ? a.job < b.job : a.bounce < b.bounce;
-  });
+  return whole;
+}
+
+bool BatchedTracer::trace(std::span<const PathJob> jobs, std::uint32_t width,
+                          std::span<PathSample> samples, std::span<RayCounts> counts, Cones& cones,
+                          const std::function<bool()>& giveUp) {
+  Batch batch{jobs, width, samples, counts, {}};
+  if (!run(batch, jobs.size(), cones, giveUp)) return false;
+  std::sort(cones.requests.begin(), cones.requests.end(),
+            [](const ConeRequest& a, const ConeRequest& b) {
+              return a.job != b.job ? a.job < b.job : a.bounce < b.bounce;
+            });
   return true;
+}
+
+void BatchedTracer::resume(std::span<const PathState> paths, std::span<PathSample> samples,
+                           std::span<RayCounts> counts) {
+  if (paths.empty()) return;
+  Cones none;
+  Batch batch{{}, 0, samples, counts, paths};
+  run(batch, paths.size(), none, {});
 }
 
 }  // namespace trex
