@@ -75,6 +75,7 @@ struct Shade {
   glm::vec3 albedo{0.0f};    ///< diffuse reflectance, linear, [0, 1]
   glm::vec3 emission{0.0f};  ///< emitted radiance, W/(m^2 sr), of the front side
   bool emitsBack = false;    ///< the back side emits the same
+  bool byDirection = false;  ///< it sends light by its direction, which albedo does not tell
 };
 
 /// Where triangles come from. get() and shade() are called by several threads at a time and must

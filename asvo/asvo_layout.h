@@ -1,4 +1,4 @@
-// Memory layout of the ASVO, included by C++ (through GLM) and by GLSL. Version 2.
+// Memory layout of the ASVO, included by C++ (through GLM) and by GLSL. Version 3.
 //
 // The tree spans a cube: corner `lower` (render space, metres) and edge `size`. Level 0 is the
 // root, level `depth` the leaves; a voxel of level l has edge size / 2^l. Nodes of all levels stand
@@ -34,7 +34,9 @@ using glm::vec4;
 #endif
 
 // voxels[i]:
-//   x: projected coverage of faces whose normal points to +x, -x, +y, -y, +z; 5 x unorm6, +x lowest
+//   x: projected coverage of faces whose normal points to +x, -x, +y, -y, +z; 5 x unorm6, +x
+//      lowest; bits 30, 31 how much of the faces sends light by its direction, as metals do: 0 none
+//      (less than 1/32), 1 some, 2 an eighth or more, 3 half or more
 //   y: bits 0..5 coverage of -z; bits 6..31 normal, octahedral 2 x unorm13, x lowest; area
 //      weighted, opposite faces sign-aligned
 //   z: diffuse albedo, 3 x unorm8 (linear); bits 24..31 plane, 0 for none. In leaves: its offset
@@ -54,6 +56,10 @@ ASVO_CONST uint ASVO_MAX_DEPTH = 12u;
 ASVO_CONST uint ASVO_MAX_GRID_LEVEL = 7u;
 /// First code of an empty entry in them; node indices are below.
 ASVO_CONST uint ASVO_GRID_EMPTY = 0x80000000u;
+/// Bit of an entry of a voxel above the finest table that is uneven; node indices are below that.
+ASVO_CONST uint ASVO_GRID_UNEVEN = 0x40000000u;
+/// Bit of the second of a voxel's cone words: voxels do not know what it sends out.
+ASVO_CONST uint ASVO_CONE_UNKNOWN = 0x40000000u;
 
 /// Header of a tree, as the tracer gets it; 32 bytes, std430.
 struct AsvoInfo {

@@ -12,9 +12,9 @@
 //
 //     ASVO_GRID(i)   the levels up to ASVO_GRID_LEVEL as arrays: entry 8^l + x + 2^l y + 4^l z is
 //     the
-//                    voxel at that place of level l, or ASVO_GRID_EMPTY and, in 3 bits for each
-//                    octant o at 3 o, e: the cube of (e + 1)^3 places from here in that direction
-//                    is empty
+//                    voxel at that place of level l, with ASVO_GRID_UNEVEN if it is uneven and
+//                    finer tables follow; or ASVO_GRID_EMPTY and, in 3 bits for each octant o at
+//                    3 o, e: the cube of (e + 1)^3 places from here in that direction is empty
 //     ASVO_BRICK(i)  uvec4 of each inner voxel from level ASVO_GRID_LEVEL on, two levels in one
 //                    read: x, y grandchildren by Morton code (a leaf's eight if the children are
 //                    leaves); z first child; w first grandchild
@@ -60,7 +60,8 @@ struct AsvoHit {
 /// What a cone gathered.
 struct AsvoCone {
   vec3 radiance;        // W/(m^2 sr), front to back, weighted by what was visible
-  float transmittance;  // of what lies behind, [0, 1]
+  float transmittance;  // of what lies behind, [0, 1]; -1: the cone met voxels that do not know
+                        // what they send out, and has no answer
 };
 
 /// A ray on the mirrored grid of sub-voxels, moved to where it starts.
@@ -94,6 +95,11 @@ ASVO_CONST uint kAsvoMinLevel = 3u;
 // Coverage that a coarse voxel is held to have at most: 1 would stop rays that graze it.
 ASVO_CONST float kAsvoMaxCoverage = 0.996f;
 ASVO_CONST float kAsvoMinTransmittance = 0.01f;
+// Levels that a cone goes down where a voxel is uneven: what edges and corners of rooms send out
+// depends on which of their faces is seen, and a mean of them is dark by 1 to 2 %.
+ASVO_CONST uint kAsvoFiner = 2u;
+// Share of a cone from which on it does not pass over voxels that do not know their light.
+ASVO_CONST float kAsvoLeastUnknown = 0.05f;
 ASVO_CONST float kAsvoInvPi = 0.318309886f;
 
 // --- Packed values ------------------------------------------------------------------------------
@@ -180,6 +186,13 @@ uint asvoMaterial(uint voxel) ASVO_READS { return ASVO_VOXEL(voxel).w & 65535u; 
 /// Whether all surfaces in a voxel lie near its plane.
 bool asvoHasPlane(uint voxel) ASVO_READS { return ASVO_VOXEL(voxel).z >> 24 != 0u; }
 
+/// Whether the surfaces in a voxel above the leaves lie off any plane: edges, corners, layers.
+bool asvoUneven(uint voxel) ASVO_READS { return ((ASVO_VOXEL(voxel).z >> 24) & 31u) == 0u; }
+
+/// How much of the faces in a voxel sends light by its direction: 0 none, 1 some, 2 an eighth or
+/// more, 3 half or more.
+uint asvoDirectional(uvec4 v) ASVO_READS { return v.x >> 30; }
+
 /// Triangle area of each side, in faces of the voxel.
 float asvoArea(uint voxel) ASVO_READS {
   uint code = ASVO_VOXEL(voxel).w >> 16;
@@ -218,15 +231,18 @@ uint asvoExtinction(uint covered) ASVO_READS {
 /// A component of a unit vector in 10 bits.
 uint asvoPackComponent(float x) ASVO_READS { return uint(x * 511.0f + 511.5f); }
 
+/// The bit of asvoConeWords that says that voxels do not know its light.
+uint asvoConeMark(uvec4 v) ASVO_READS { return asvoDirectional(v) >= 2u ? ASVO_CONE_UNKNOWN : 0u; }
+
 /// The half of asvoConeWords that does not depend on light.
 uvec2 asvoConeShape(uvec4 v) ASVO_READS {
   vec3 n = asvoUnpackNormal(v.y);
   uint x = asvoExtinction(max(asvoCoverage(v, 0u), asvoCoverage(v, 1u)));
   uint y = asvoExtinction(max(asvoCoverage(v, 2u), asvoCoverage(v, 3u)));
   uint z = asvoExtinction(max(asvoCoverage(v, 4u), asvoCoverage(v, 5u)));
-  return uvec2(x | (y << 8) | (z << 16) | (v.z & 0xff000000u), asvoPackComponent(n.x) |
-                                                                   (asvoPackComponent(n.y) << 10) |
-                                                                   (asvoPackComponent(n.z) << 20));
+  uint normal =
+      asvoPackComponent(n.x) | (asvoPackComponent(n.y) << 10) | (asvoPackComponent(n.z) << 20);
+  return uvec2(x | (y << 8) | (z << 16) | (v.z & 0xff000000u), normal | asvoConeMark(v));
 }
 
 /// Radiance that a side sends out: reflectance / pi times its irradiance, packed.
@@ -298,18 +314,35 @@ uint asvoOctant(ivec3 cell, uint shift) ASVO_READS {
 
 #ifdef ASVO_GRID
 
-/// What is at the cell (not mirrored), by the table of a level; not below it. `way`: the octant of
-/// the ray's direction.
-AsvoPlace asvoGridPlace(ivec3 cell, uint way, uint level) ASVO_READS {
+/// Of the cell (not mirrored), in the table of a level.
+uint asvoGridEntry(ivec3 cell, uint level) ASVO_READS {
+  ivec3 at = cell >> ivec3(ASVO_INFO.depth + 2u - level);
+  return ASVO_GRID(uint((1 << (3u * level)) + at.x + (at.y << level) + (at.z << (2u * level))));
+}
+
+/// What an entry of a level says. `way`: the octant of the ray's direction.
+AsvoPlace asvoEntryPlace(uint entry, uint way, uint level) ASVO_READS {
   AsvoPlace place;
   place.shift = ASVO_INFO.depth + 2u - level;
-  ivec3 at = cell >> ivec3(place.shift);
-  uint entry =
-      ASVO_GRID(uint((1 << (3u * level)) + at.x + (at.y << level) + (at.z << (2u * level))));
   bool empty = entry >= ASVO_GRID_EMPTY;
-  place.voxel = empty ? ASVO_NONE : entry;
+  place.voxel = empty ? ASVO_NONE : entry & (ASVO_GRID_UNEVEN - 1u);
   place.blocks = empty ? int((entry >> (3u * way)) & 7u) + 1 : 1;
   return place;
+}
+
+/// What is at the cell, by the table of a level; not below it.
+AsvoPlace asvoGridPlace(ivec3 cell, uint way, uint level) ASVO_READS {
+  return asvoEntryPlace(asvoGridEntry(cell, level), way, level);
+}
+
+/// What a cone finds there: where it is uneven, two levels finer.
+AsvoPlace asvoConeGridPlace(ivec3 cell, uint way, uint level) ASVO_READS {
+  uint entry = asvoGridEntry(cell, level);
+  if ((entry & (ASVO_GRID_EMPTY | ASVO_GRID_UNEVEN)) == ASVO_GRID_UNEVEN) {
+    level = min(level + kAsvoFiner, ASVO_GRID_LEVEL);
+    entry = asvoGridEntry(cell, level);
+  }
+  return asvoEntryPlace(entry, way, level);
 }
 
 /// From a voxel a level or two down, towards the cell, but not below `stop`. Two reads of a tree in
@@ -421,8 +454,13 @@ int asvoEmptyCube(ivec3 at, uint level, uint way) ASVO_READS {
 /// What a cone finds: with the cubes of the tables, so that it takes the same steps.
 AsvoPlace asvoConePlace(ivec3 cell, uint way, uint stop) ASVO_READS {
   uint bits = ASVO_INFO.depth + 2u;
-  uint grid = min(bits - stop, min(ASVO_INFO.depth - 1u, ASVO_MAX_GRID_LEVEL));
+  uint finest = min(ASVO_INFO.depth - 1u, ASVO_MAX_GRID_LEVEL);
+  uint grid = min(bits - stop, finest);
   AsvoPlace place = asvoPlace(cell, way, stop);
+  if (place.voxel != ASVO_NONE && grid < finest && asvoUneven(place.voxel)) {
+    grid = min(grid + kAsvoFiner, finest);
+    place = asvoPlace(cell, way, bits - grid);
+  }
   if (place.voxel == ASVO_NONE && bits - place.shift <= grid) {
     place.shift = bits - grid;
     place.blocks = asvoEmptyCube(cell >> ivec3(place.shift), grid, way);
@@ -591,7 +629,7 @@ void asvoConeTake(AsvoRay r, AsvoPlace place, float until, bool fine, bool lit,
                   ASVO_INOUT(AsvoMarch) m) ASVO_READS {
   // NOLINTNEXTLINE(bugprone-branch-clone): the same where no page may be absent.
   uvec4 words = fine ? ASVO_CONE_FINE(place.voxel) : ASVO_CONE(place.voxel);
-  vec3 n = vec3(ivec3(uvec3(words.y & 1023u, (words.y >> 10) & 1023u, words.y >> 20)));
+  vec3 n = vec3(ivec3(uvec3(words.y & 1023u, (words.y >> 10) & 1023u, (words.y >> 20) & 1023u)));
   n = (n * (1.0f / 511.0f) - vec3(1.0f)) * r.turn;
   float slope = dot(n, r.d);
   float opacity = asvoOpacity(r, words.x, n, slope, m.cell, place.shift, m.t, until);
@@ -601,6 +639,11 @@ void asvoConeTake(AsvoRay r, AsvoPlace place, float until, bool fine, bool lit,
     uvec2 mask = ASVO_LEAF(place.voxel - ASVO_INFO.firstLeaf);
     bool met = asvoLeafHit(r, m.cell, m.t, mask, words.x >> 24, n, thit, sub) && thit <= r.end;
     opacity = met ? 1.0f : 0.0f;
+  }
+  bool unknown = lit && words.y >= ASVO_CONE_UNKNOWN;
+  if (unknown && m.transmittance * opacity > kAsvoLeastUnknown) {
+    m.transmittance = -1.0f;
+    return;
   }
   if (lit) {
     m.radiance += (m.transmittance * opacity) * asvoUnpackRgb9e5(slope <= 0.0f ? words.z : words.w);
@@ -663,7 +706,7 @@ AsvoCone asvoMarch(vec3 origin, vec3 dir, float tanHalf, float tmin, float tmax,
   // A cone grows: from here on it reads levels of the grid, where a step costs least.
   while (!m.done && limit > 0) {
     uint level = max(coarse, asvoConeLevel(widthScale * (r.base + m.t)));
-    AsvoPlace place = asvoGridPlace(m.cell ^ r.flip, r.octFlip, ASVO_INFO.depth - level);
+    AsvoPlace place = asvoConeGridPlace(m.cell ^ r.flip, r.octFlip, ASVO_INFO.depth - level);
     asvoConeStep(r, place, false, lit, m);
     limit -= 1;
   }

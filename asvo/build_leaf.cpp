@@ -134,7 +134,9 @@ uvec4 VoxelSums::pack(float dither) const {
   std::uint32_t c[6];
   for (int i = 0; i < 6; ++i) c[i] = cut(coverage[i], 63u);
   const glm::vec3 a = albedo / std::max(weight, 1e-30f);
-  return {c[0] | c[1] << 6 | c[2] << 12 | c[3] << 18 | c[4] << 24,
+  const float d = byDirection;
+  const std::uint32_t share = d >= 0.5f ? 3u : d >= 0.125f ? 2u : d >= 0.03125f ? 1u : 0u;
+  return {c[0] | c[1] << 6 | c[2] << 12 | c[3] << 18 | c[4] << 24 | share << 30,
           c[5] | packer().asvoPackNormal(normal),
           cut(a.x, 255u) | cut(a.y, 255u) << 8 | cut(a.z, 255u) << 16 | plane << 24,
           material | packArea(area, dither) << 16};
@@ -285,10 +287,13 @@ void LeafBuilder::finish(std::uint64_t key, LeafList& out) {
     }
     sums.albedo += weight * piece.shade.albedo;
     sums.weight += weight;
+    if (piece.shade.byDirection) sums.byDirection += weight;
     power.side[side] += weight * face * piece.shade.emission;
     if (piece.shade.emitsBack) power.side[1 - side] += weight * face * piece.shade.emission;
   }
   sums.area = std::max(sides.x, sides.y);
+  const float byDirection = sums.byDirection * face;
+  sums.byDirection /= sums.weight;
   sides *= face;
   sums.material = dominantMaterial();
   sums.plane = planeByte(packer().asvoUnpackNormal(packer().asvoPackNormal(sums.normal)));
@@ -300,7 +305,7 @@ void LeafBuilder::finish(std::uint64_t key, LeafList& out) {
   // Lengths in leaf edges, areas in m^2.
   Moments moments;
   moments.add(moments_.moved(1.0f / kSubVoxels, glm::vec3(0.0f)), face / (kSubVoxels * kSubVoxels));
-  out.surfaces.push_back({sides, moments});
+  out.surfaces.push_back({sides, byDirection, moments});
 }
 
 }  // namespace asvo

@@ -122,7 +122,9 @@ uvec4 filter(std::span<const Child> children, float face, float dither, Surface&
   for (const Child& child : children) {
     sums.albedo += child.weight() * packer().asvoUnpackAlbedo(child.words.z);
     sums.weight += child.weight();
+    surface.byDirection += child.surface.byDirection;
   }
+  sums.byDirection = surface.byDirection / std::max(sums.weight, 1e-30f);
   for (int direction = 0; direction < 6; ++direction) {
     float cells[8] = {};
     for (const Child& child : children) cells[child.octant] = coverageOf(child.words, direction);

@@ -65,7 +65,8 @@ std::optional<Shade> uniformShade(const TriangleSource& source, const Triangle& 
 struct Surface {
   vec2 sides{0.0f};  ///< area of faces along and against the normal, m^2
   float area() const { return sides.x > sides.y ? sides.x : sides.y; }
-  Moments moments;  ///< lengths in edges of the voxel from its centre, areas in m^2
+  float byDirection = 0.0f;  ///< of the faces' area, what sends light by its direction, m^2
+  Moments moments;           ///< lengths in edges of the voxel from its centre, areas in m^2
 };
 
 /// What a voxel emits.
@@ -173,7 +174,8 @@ struct VoxelSums {
   glm::vec3 normal{0.0f, 0.0f, 1.0f};  ///< unit
   float area = 0.0f;                   ///< of a side, in faces of the voxel
   std::uint32_t material = 0;
-  std::uint32_t plane = 0;  ///< its byte
+  std::uint32_t plane = 0;   ///< its byte
+  float byDirection = 0.0f;  ///< share of the faces
   /// `dither` in [0, 1): what is added before values are cut to their bits; 0.5 rounds.
   uvec4 pack(float dither) const;
 };

@@ -17,7 +17,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "files are little-endian");
 
 constexpr char kMagic[8] = {'A', 'S', 'V', 'O', 't', 'r', 'e', 'e'};
-constexpr std::uint32_t kVersion = 2;
+constexpr std::uint32_t kVersion = 3;
 constexpr std::uint32_t kByteOrder = 0x01020304u;
 constexpr std::uint64_t kAlignment = 4096;
 
@@ -99,13 +99,6 @@ void checkLeaves(const Tree& tree) {
   }
 }
 
-void checkVoxels(const Tree& tree) {
-  for (std::uint32_t i = 0; i < tree.info.nodeCount; ++i) {
-    const uvec4 voxel = tree.voxels[i];
-    if (voxel.x >> 30 != 0) fail("voxel " + std::to_string(i) + " has spare bits that are set");
-  }
-}
-
 void checkEmitters(const Tree& tree) {
   for (std::size_t i = 0; i < tree.emitters.size(); ++i) {
     const Emitter& e = tree.emitters[i];
@@ -164,7 +157,6 @@ void validate(const Tree& tree) {
   }
   if (tree.levelOffsets != levelsOf(tree.info, tree.nodes)) fail("level offsets disagree");
   checkLeaves(tree);
-  checkVoxels(tree);
   checkEmitters(tree);
 }
 

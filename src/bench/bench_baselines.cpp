@@ -35,7 +35,7 @@ class Picture {
       for (std::uint32_t x = 0; x < width_; ++x) jobs[x] = {.x = x, .y = y, .sample = samples_};
       std::vector<PathSample> paths(width_);
       std::vector<RayCounts> counts(width_);
-      std::vector<ConeRequest> cones;
+      Cones cones;
       tracer.trace(jobs, width_, 0, paths, counts, cones);
       for (std::uint32_t x = 0; x < width_; ++x) {
         const vec3 light = paths[x].common + paths[x].guess;

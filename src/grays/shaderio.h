@@ -45,7 +45,7 @@ struct GatherQuery {
 /// Its answer. 16 bytes.
 struct GatherResult {
   vec3 radiance;
-  float transmittance;
+  float transmittance;  // negative: the cone met what voxels do not know; a ray has to answer
 };
 
 /// A photon where it first met a diffuse surface; that first flight was a C-ray. 32 bytes.

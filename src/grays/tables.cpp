@@ -18,7 +18,9 @@ std::size_t entryOf(std::uint32_t level, std::uint32_t x, std::uint32_t y, std::
 }
 
 /// Voxels of one level of the grid; empty entries without their cubes.
-void fillVoxels(const asvo::Tree& tree, std::uint32_t level, std::vector<std::uint32_t>& grid) {
+void fillVoxels(const asvo::Tree& tree, std::uint32_t level, bool finest,
+                std::vector<std::uint32_t>& grid) {
+  const asvo::Tracer tracer(tree);
   const std::uint32_t cells = 1u << level;
   std::size_t entry = entryOf(level, 0, 0, 0);
   for (std::uint32_t z = 0; z < cells; ++z) {
@@ -26,11 +28,13 @@ void fillVoxels(const asvo::Tree& tree, std::uint32_t level, std::vector<std::ui
       for (std::uint32_t x = 0; x < cells; ++x, ++entry) {
         const std::uint32_t parent = grid[entryOf(level - 1, x >> 1, y >> 1, z >> 1)];
         if (parent >= asvo::ASVO_GRID_EMPTY) continue;
-        const asvo::uvec2 node = tree.nodes[parent];
+        const asvo::uvec2 node = tree.nodes[parent & (asvo::ASVO_GRID_UNEVEN - 1u)];
         const std::uint32_t octant = (x & 1u) | (y & 1u) << 1 | (z & 1u) << 2;
         if ((node.y >> octant & 1u) == 0) continue;
         const std::uint32_t below = node.y & ((1u << octant) - 1u);
-        grid[entry] = node.x + static_cast<std::uint32_t>(std::popcount(below));
+        const std::uint32_t child = node.x + static_cast<std::uint32_t>(std::popcount(below));
+        const bool uneven = !finest && tracer.asvoUneven(child);
+        grid[entry] = child | (uneven ? asvo::ASVO_GRID_UNEVEN : 0u);
       }
     }
   }
@@ -111,7 +115,8 @@ std::uint32_t brickCount(const asvo::Tree& tree) { return tree.info.firstLeaf - 
 std::vector<std::uint32_t> makeGrid(const asvo::Tree& tree, std::uint32_t last) {
   std::vector<std::uint32_t> grid(std::size_t{2} << (3 * last), asvo::ASVO_GRID_EMPTY);
   grid[1] = 0;  // the root
-  for (std::uint32_t level = 1; level <= last; ++level) fillVoxels(tree, level, grid);
+  for (std::uint32_t level = 1; level <= last; ++level)
+    fillVoxels(tree, level, level == last, grid);
   for (std::uint32_t level = 1; level <= last; ++level) fillCubes(level, grid);
   return grid;
 }
@@ -148,6 +153,7 @@ void ConeTable::refresh(std::span<const asvo::uvec4> light,
   forNodes(words_.size(), [&](std::size_t i) {
     const asvo::uvec4 voxel = tree_.voxels[i];
     if (!shaped) words_[i] = asvo::uvec4(packer().asvoConeShape(voxel), 0u, 0u);
+    words_[i].y = (words_[i].y & ~asvo::ASVO_CONE_UNKNOWN) | packer().asvoConeMark(voxel);
     glm::vec3 reflectance = packer().asvoUnpackAlbedo(voxel.z);
     const std::uint32_t material = voxel.w & 65535u;
     if (material < materials.size()) {

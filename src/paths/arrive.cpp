@@ -25,8 +25,8 @@ Fate PathTracer::arrive(WavePath& path) const {
   }
 
   // Cached light has been reflected once more.
-  path.coneVertex = guess_.cones && path.coupled && bsdf.cacheable() && !bsdf.onlyDelta() &&
-                    scene_.maxBounces - path.turns >= 2;
+  path.coneVertex = guess_.cones && path.coupled && !path.byRays && bsdf.cacheable() &&
+                    !bsdf.onlyDelta() && scene_.maxBounces - path.turns >= 2;
   path.here().moveTo(surface.position, bsdf.transmits() ? vec3(0.0f) : bsdf.normal());
   return bsdf.onlyDelta() ? Fate::kScatters : Fate::kLit;
 }

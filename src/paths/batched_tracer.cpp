@@ -15,11 +15,12 @@ struct BatchedTracer::Batch {
   std::uint32_t width;
   std::span<PathSample> samples;
   std::span<RayCounts> counts;
+  std::span<const PathState> begun;  ///< paths that go on instead of jobs that begin
   // By job; made when they are needed. lights, media: where the scene asks for them, else null.
-  WaitingPath* paths;
-  WaitingLight* lights;
-  MediumLight* media;
-  PageRounds* rounds;
+  WaitingPath* paths = nullptr;
+  WaitingLight* lights = nullptr;
+  MediumLight* media = nullptr;
+  PageRounds* rounds = nullptr;
 };
 
 /// A thread: takes rays whose page is there, and takes their paths as far as they go.
@@ -27,7 +28,7 @@ struct BatchedTracer::Worker {
   const PathTracer& tracer;
   const RayScene& rays;
   Batch& batch;
-  std::vector<ConeRequest> cones{};
+  Cones cones{};
   Wave wave{cones};
   std::vector<std::uint32_t> ready{};  ///< paths that go on
   unsigned thread = 0;
@@ -100,22 +101,27 @@ bool BatchedTracer::Worker::lightHere(std::uint32_t job) {
 
 WavePath& BatchedTracer::Worker::enter(std::uint32_t job, const PathState& state,
                                        const Sampler& sampler) {
-  WavePath& path = wave.paths.emplace_back(state, sampler);
-  path.sample = &batch.samples[job];
-  path.counts = &batch.counts[job];
-  path.caustics = tracer.caustics_ ? tracer.caustics_->find(path.number) : nullptr;
+  WavePath& path = tracer.enter(wave, state, sampler, batch.samples[job], batch.counts[job]);
   wave.underWay.push_back(&path);
   return path;
 }
 
 void BatchedTracer::Worker::begin(std::uint32_t job) {
+  const auto first = [&](const PathState& state, const Sampler& sampler) {
+    std::construct_at(&batch.paths[job], WaitingPath{.state = state});
+    WavePath& path = enter(job, state, sampler);
+    if (path.paired) ++path.counts->exactPaths;
+    if (!trace(path)) wave.underWay.pop_back();
+  };
+  if (!batch.begun.empty()) {
+    PathState state = batch.begun[job].resumed();
+    state.job = job;
+    return first(state, Sampler(state.random));
+  }
   const PathJob& j = batch.jobs[job];
   Sampler sampler(j.y * batch.width + j.x, j.sample, tracer.seed_);
   const PathState state = tracer.generate(j, job, sampler);
-  std::construct_at(&batch.paths[job], WaitingPath{.state = state});
-  WavePath& path = enter(job, state, sampler);
-  if (path.paired) ++path.counts->exactPaths;
-  if (!trace(path)) wave.underWay.pop_back();
+  first(state, sampler);
 }
 
 /// Paths of the wave whose next surface is known, through all stages, until the last one waits or
@@ -304,28 +310,46 @@ class Records {
 
 }  // namespace
 
-bool BatchedTracer::trace(std::span<const PathJob> jobs, std::uint32_t width,
-                          std::span<PathSample> samples, std::span<RayCounts> counts,
-                          std::vector<ConeRequest>& cones, const std::function<bool()>& giveUp) {
-  const Records<WaitingPath> paths(jobs.size());
-  const Records<WaitingLight> lights(tracer_.layers_.blockOnly() ? 0 : jobs.size());
-  const Records<MediumLight> media(tracer_.media_ == nullptr ? 0 : jobs.size());
-  PageRounds rounds(rays_, choice_, record_, jobs.size(), 2 * jobs.size(), giveUp);
-  Batch batch{jobs, width, samples, counts, paths.first(), lights.first(), media.first(), &rounds};
+bool BatchedTracer::run(Batch& batch, std::size_t count, Cones& cones,
+                        const std::function<bool()>& giveUp) {
+  const Records<WaitingPath> paths(count);
+  const Records<WaitingLight> lights(tracer_.layers_.blockOnly() ? 0 : count);
+  const Records<MediumLight> media(tracer_.media_ == nullptr ? 0 : count);
+  PageRounds rounds(rays_, choice_, record_, count, 2 * count, giveUp);
+  batch.paths = paths.first();
+  batch.lights = lights.first();
+  batch.media = media.first();
+  batch.rounds = &rounds;
   std::mutex merging;
   const bool whole = rounds.run([&](unsigned thread) {
     Worker worker{tracer_, rays_, batch};
     worker.thread = thread;
     worker.run();
     const std::lock_guard lock(merging);
-    cones.insert(cones.end(), worker.cones.begin(), worker.cones.end());
+    cones.append(worker.cones);
   });
   report_.add(rounds.report());
-  if (!whole) return false;
-  std::sort(cones.begin(), cones.end(), [](const ConeRequest& a, const ConeRequest& b) {
-    return a.job != b.job ? a.job < b.job : a.bounce < b.bounce;
-  });
+  return whole;
+}
+
+bool BatchedTracer::trace(std::span<const PathJob> jobs, std::uint32_t width,
+                          std::span<PathSample> samples, std::span<RayCounts> counts, Cones& cones,
+                          const std::function<bool()>& giveUp) {
+  Batch batch{jobs, width, samples, counts, {}};
+  if (!run(batch, jobs.size(), cones, giveUp)) return false;
+  std::sort(cones.requests.begin(), cones.requests.end(),
+            [](const ConeRequest& a, const ConeRequest& b) {
+              return a.job != b.job ? a.job < b.job : a.bounce < b.bounce;
+            });
   return true;
+}
+
+void BatchedTracer::resume(std::span<const PathState> paths, std::span<PathSample> samples,
+                           std::span<RayCounts> counts) {
+  if (paths.empty()) return;
+  Cones none;
+  Batch batch{{}, 0, samples, counts, paths};
+  run(batch, paths.size(), none, {});
 }
 
 }  // namespace trex

@@ -37,13 +37,16 @@ class BatchedTracer {
   /// by all threads, says whether to leave it; false if it did: nothing that is there is of use
   /// then.
   bool trace(std::span<const PathJob> jobs, std::uint32_t width, std::span<PathSample> samples,
-             std::span<RayCounts> counts, std::vector<ConeRequest>& cones,
-             const std::function<bool()>& giveUp = {});
+             std::span<RayCounts> counts, Cones& cones, const std::function<bool()>& giveUp = {});
+  /// As PathTracer::resume(), in the same way.
+  void resume(std::span<const PathState> paths, std::span<PathSample> samples,
+              std::span<RayCounts> counts);
   PageTrafficReport report() const { return report_; }
 
  private:
   struct Worker;
   struct Batch;
+  bool run(Batch& batch, std::size_t paths, Cones& cones, const std::function<bool()>& giveUp);
 
   const PathTracer& tracer_;
   const RayScene& rays_;

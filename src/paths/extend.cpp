@@ -42,7 +42,7 @@ bool PathTracer::extend(WavePath& path, Wave& wave) const {
 
 /// How far the next ray is traced, and whether a cone may go on beyond the near field.
 NextRay PathTracer::nextRay(const WavePath& path) const {
-  bool cone = path.coneRay && path.coupled && !path.clear.begun();
+  bool cone = path.coneRay && path.coupled && !path.byRays && !path.clear.begun();
   // Voxels know nothing of media: a cone whose axis meets one is an exact ray into cached light.
   if (media_ != nullptr && cone) {
     cone = !media_->meets(path.start.position, path.direction, path.tnear, kInfinity);
@@ -100,7 +100,10 @@ bool PathTracer::handToCone(WavePath& path, Wave& wave) const {
     request.background = path.throughput * lights_.environment(path.direction) * weight;
     request.direct = path.scattered <= 1;
   }
-  wave.cones.push_back(request);
+  request.path = static_cast<std::uint32_t>(wave.cones.paths.size());
+  wave.cones.paths.push_back(path);
+  wave.cones.paths.back().random = path.sampler.state();
+  wave.cones.requests.push_back(request);
   ++path.counts->cones;
   return path.part();
 }

@@ -12,8 +12,7 @@
 namespace trex {
 namespace {
 
-/// Width of a shadow cone as a share of its light's. Wide ones meet voxels at the edges of rooms,
-/// which know no planes: with 0.25 a furnace of albedo 0.5 is 1.9 % dark, with 0.06 it is 0.7 %.
+/// Width of a shadow cone as a share of its light's: wide ones are stopped by voxels beside it.
 constexpr float kShadowWidth = 0.06f;
 
 /// Share of light sampling in light of density `pdf` from a direction that scattering has with
@@ -77,8 +76,9 @@ void PathTracer::ask(WavePath& path, Wave& wave) const {
       !lights_.empty() && lights_.sample(path.here(), path.sampler, light) && askLight(path, wave);
 }
 
-/// Makes a question of a light that was sampled. Shadow rays of small lights are C-rays; large ones
-/// are cones where this device makes them worth it. False if the light does not count.
+/// Makes a question of a light that was sampled. Shadow rays of lamps are C-rays: what stands
+/// before them is mostly thin or near. Those of wide parts of the sky are cones where this device
+/// makes them worth it. False if the light does not count.
 bool PathTracer::askLight(WavePath& path, Wave& wave) const {
   const Bsdf& bsdf = *path.bsdf;
   LightQuestion& q = path.question;
@@ -93,10 +93,10 @@ bool PathTracer::askLight(WavePath& path, Wave& wave) const {
   // alone.
   const float near = path.coneVertex ? nearField() : 0.0f;
   q.farEmitter = path.coneVertex && light.distance < kInfinity && light.distance > near;
-  q.coneShadow =
-      path.coneVertex && light.solidAngle > guess_.shadowSolidAngle && light.distance > near;
+  q.coneShadow = path.coneVertex && !(light.distance < kInfinity) &&
+                 light.solidAngle > guess_.shadowSolidAngle;
   if (q.coneShadow) {
-    const float weight = q.farEmitter ? 1.0f : lightWeight(light, light.pdf, q.surface.pdf);
+    const float weight = lightWeight(light, light.pdf, q.surface.pdf);
     shadowCone(path, path.throughput * q.surface.f * light.radiance / light.pdf * weight, wave);
     if (!path.paired) return false;
   }
@@ -170,7 +170,7 @@ bool PathTracer::answerHere(WaitingLight& light, WaitingRay& ray, LightAnswer& a
   return true;
 }
 
-/// The shadow cone of a large light, which brings `radiance` if nothing is in its way.
+/// The shadow cone of a wide part of the sky, which brings `radiance` if nothing is in its way.
 void PathTracer::shadowCone(WavePath& path, const vec3& radiance, Wave& wave) const {
   const RayStart& start = path.question.start;
   const LightSample& light = path.question.light;
@@ -182,14 +182,10 @@ void PathTracer::shadowCone(WavePath& path, const vec3& radiance, Wave& wave) co
   request.tanHalf =
       std::min(std::sqrt(light.solidAngle * kInvPi), guess_.footprint.diffuseSpread) * kShadowWidth;
   request.tmin = near;
-  // The emitter's own voxels must not shadow it: those that the cone reads there are as wide as
-  // the cone.
-  request.tmax = light.distance -
-                 std::max(2.0f * guess_.cache->leafSize(), 2.0f * request.tanHalf * light.distance);
   request.jitter = path.sampler.next1D();
   request.background = radiance;
   if (media_ != nullptr) {
-    request.background *= media_->transmittance(start.position, light.direction, light.distance);
+    request.background *= media_->transmittance(start.position, light.direction, kInfinity);
   }
   if (layers_.glass()) {  // voxels have none
     const ClearWalk walk = layers_.walk(start, light.direction, light.end());
@@ -200,7 +196,7 @@ void PathTracer::shadowCone(WavePath& path, const vec3& radiance, Wave& wave) co
   request.job = path.job;
   request.bounce = path.bounces;
   request.shadow = true;
-  wave.cones.push_back(request);
+  wave.cones.requests.push_back(request);
   ++path.counts->cones;
 }
 

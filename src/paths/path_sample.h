@@ -17,19 +17,6 @@ struct PathJob {
   bool look = false;
 };
 
-/// A G-ray that a path asks for. The answer adds to the guess of its pixel:
-/// weight * radiance + background * transmittance.
-struct ConeRequest {
-  vec3 origin, direction;
-  float tanHalf = 0.0f, tmin = 0.0f, tmax = kInfinity;
-  float jitter = 0.0f;
-  vec3 weight{0.0f}, background{0.0f};
-  std::uint32_t job = 0;     ///< of the job, see PathTracer::trace()
-  std::uint16_t bounce = 0;  ///< of the path: its later requests have more
-  bool shadow = false;       ///< transmittance alone
-  bool direct = false;       ///< `background` is direct light
-};
-
 /// One sample of a pixel. G = common + guess + cones; X = common + exact. The parts of both that
 /// are direct: light that was scattered at most once, mirrors and clear glass not counted.
 struct PathSample {

@@ -44,12 +44,20 @@ struct PathState {
   bool seen = false;     ///< the feature is known
   bool spread = false;  ///< by a broad lobe: what sharp ones make of point-like lights is a caustic
   bool certain = true;  ///< mirrors alone so far, and no choice
+  bool byRays = false;  ///< goes on in a cone's place, and asks for none
 
   /// Density of the direction at the vertex if light sampling there finds what comes next, else
   /// infinite.
   float density() const { return clear.straight(direction) ? scatterPdf : kInfinity; }
   /// The direction at the vertex.
   const vec3& aim() const { return clear.begun() ? clear.direction() : direction; }
+  /// The path of the guess alone, in the place of the cone that it was handed to.
+  PathState resumed() const {
+    PathState path = *this;
+    path.coupled = path.byRays = true;
+    path.paired = false;
+    return path;
+  }
   /// A transparent layer or clear glass is left behind, `distance` along the ray.
   void pass(float distance) {
     if (clear.begun()) clear.advance(distance);

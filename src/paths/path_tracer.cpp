@@ -27,27 +27,50 @@ PathTracer::PathTracer(const Scene& scene, const RayScene& rays, const LightSet&
 
 void PathTracer::trace(std::span<const PathJob> jobs, std::uint32_t width, std::uint32_t first,
                        std::span<PathSample> samples, std::span<RayCounts> counts,
-                       std::vector<ConeRequest>& cones) const {
+                       Cones& cones) const {
   Wave wave(cones);
   for (std::size_t i = 0; i < jobs.size(); i += Wave::kPaths) {
     wave.paths.clear();
     for (std::size_t k = i; k < std::min(jobs.size(), i + Wave::kPaths); ++k) {
       Sampler sampler(jobs[k].y * width + jobs[k].x, jobs[k].sample, seed_);
       const PathState state = generate(jobs[k], first + static_cast<std::uint32_t>(k), sampler);
-      WavePath& path = wave.paths.emplace_back(state, sampler);
-      path.sample = &samples[k];
-      path.counts = &counts[k];
-      path.caustics = caustics_ ? caustics_->find(path.number) : nullptr;
+      const WavePath& path = enter(wave, state, sampler, samples[k], counts[k]);
       if (path.paired) ++path.counts->exactPaths;
     }
+    extendFirst(wave);
     run(wave);
   }
+}
+
+void PathTracer::resume(std::span<const PathState> paths, std::span<PathSample> samples,
+                        std::span<RayCounts> counts) const {
+  Cones none;
+  Wave wave(none);
+  for (std::size_t i = 0; i < paths.size(); i += Wave::kPaths) {
+    wave.paths.clear();
+    wave.underWay.clear();
+    for (std::size_t k = i; k < std::min(paths.size(), i + Wave::kPaths); ++k) {
+      const PathState state = paths[k].resumed();
+      wave.underWay.push_back(&enter(wave, state, Sampler(state.random), samples[k], counts[k]));
+    }
+    std::erase_if(wave.underWay, [&](WavePath* path) { return !extend(*path, wave); });
+    run(wave);
+  }
+}
+
+WavePath& PathTracer::enter(Wave& wave, const PathState& state, const Sampler& sampler,
+                            PathSample& sample, RayCounts& counts) const {
+  WavePath& path = wave.paths.emplace_back(state, sampler);
+  path.sample = &sample;
+  path.counts = &counts;
+  path.caustics = caustics_ ? caustics_->find(path.number) : nullptr;
+  return path;
 }
 
 PathSample PathTracer::sample(const PathJob& job, std::uint32_t width) const {
   PathSample sample;
   RayCounts counts;
-  std::vector<ConeRequest> cones;
+  Cones cones;
   trace({&job, 1}, width, 0, {&sample, 1}, {&counts, 1}, cones);
   return sample;
 }
@@ -69,9 +92,8 @@ PathState PathTracer::generate(const PathJob& job, std::uint32_t number, Sampler
   return path;
 }
 
-/// All paths of a wave through all stages, until the last one has ended.
+/// All paths of a wave whose surface is known through all stages, until the last one has ended.
 void PathTracer::run(Wave& wave) const {
-  extendFirst(wave);
   while (!wave.underWay.empty()) {
     decode(wave);
     std::erase_if(wave.underWay, [&](WavePath* path) {

@@ -25,6 +25,7 @@
 #include "src/crays/lights.h"
 #include "src/crays/ray_scene.h"
 #include "src/paths/caustics.h"
+#include "src/paths/cones.h"
 #include "src/paths/path_sample.h"
 #include "src/paths/plain_wave.h"
 
@@ -47,7 +48,7 @@ struct GuessOptions {
   const CachedLight* cache = nullptr;  ///< null: exact paths alone
   FootprintRule footprint;
   bool cones = false;              ///< G0 and shadow cones are worth their cost on this device
-  float shadowSolidAngle = 0.02f;  ///< steradian from which on a shadow ray is a G-ray
+  float shadowSolidAngle = 0.02f;  ///< of the sky, from which on a shadow ray is a G-ray, sr
 };
 
 /// Immutable; trace() is thread safe.
@@ -64,8 +65,12 @@ class PathTracer {
   /// large and empty; cone requests are appended, with `first` + i. Samples depend on pixel, number
   /// and seed alone, not on what is traced with them. Throws as RayScene::intersect() does.
   void trace(std::span<const PathJob> jobs, std::uint32_t width, std::uint32_t first,
-             std::span<PathSample> samples, std::span<RayCounts> counts,
-             std::vector<ConeRequest>& cones) const;
+             std::span<PathSample> samples, std::span<RayCounts> counts, Cones& cones) const;
+  /// Goes on with paths in the place of cones that did not know (Cones::paths), by rays alone.
+  /// What a guess gets of samples[i]: common + guess, and direct. samples[i] and counts[i] are of
+  /// paths[i], as large and empty. Throws as RayScene::intersect() does.
+  void resume(std::span<const PathState> paths, std::span<PathSample> samples,
+              std::span<RayCounts> counts) const;
   /// One of them, without what cones would add to the guess.
   PathSample sample(const PathJob& job, std::uint32_t width) const;
   /// Whether samples are guesses, so that a paired one differs.
@@ -75,6 +80,8 @@ class PathTracer {
   friend class BatchedTracer;  // another way through the same stages: batched_tracer.h
 
   PathState generate(const PathJob& job, std::uint32_t number, Sampler& sampler) const;
+  WavePath& enter(Wave& wave, const PathState& state, const Sampler& sampler, PathSample& sample,
+                  RayCounts& counts) const;
   void run(Wave& wave) const;
 
   void extendFirst(Wave& wave) const;

@@ -8,6 +8,7 @@
 #include "src/crays/bsdf.h"
 #include "src/crays/lights.h"
 #include "src/paths/caustics.h"
+#include "src/paths/cones.h"
 #include "src/paths/path_sample.h"
 #include "src/paths/path_state.h"
 #include "src/paths/plain_wave.h"
@@ -135,9 +136,9 @@ struct Wave : PlainWave {
 
   std::vector<WavePath> paths;
   std::vector<WavePath*> underWay;
-  std::vector<ConeRequest>& cones;
+  Cones& cones;
 
-  explicit Wave(std::vector<ConeRequest>& requests) : cones(requests) {
+  explicit Wave(Cones& requests) : cones(requests) {
     paths.reserve(kPaths);
     underWay.reserve(kPaths);
   }

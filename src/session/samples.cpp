@@ -16,11 +16,11 @@ namespace trex {
 /// Pixels between the two stages: traced, and waiting for the device's cones.
 struct SampleBatch {
   std::vector<PathJob> jobs;
-  std::uint32_t looks = 0;                      ///< of the jobs
-  std::vector<std::uint32_t> finishedTiles;     ///< that come to a whole sample or level by it
-  std::vector<PathSample> paths;                ///< by job
-  std::vector<RayCounts> rays;                  ///< by job
-  std::vector<std::vector<ConeRequest>> cones;  ///< by chunk of jobs, in their order
+  std::uint32_t looks = 0;                   ///< of the jobs
+  std::vector<std::uint32_t> finishedTiles;  ///< that come to a whole sample or level by it
+  std::vector<PathSample> paths;             ///< by job
+  std::vector<RayCounts> rays;               ///< by job
+  std::vector<Cones> cones;                  ///< by chunk of jobs, in their order
   std::vector<shaderio::GatherQuery> queries;
   std::optional<int> ticket;
   GatherPlan* gathers = nullptr;  ///< is told when the device has answered; may be null
@@ -63,14 +63,18 @@ void addJobs(const Tile& tile, const TileUnit& unit, SampleBatch& batch) {
   }
 }
 
-void prepareCaustics(CausticMaps& caustics, const SampleBatch& batch) {
+/// Makes the maps that paths of a batch read. `sampleOf`: its number of an entry.
+template <typename Entries, typename SampleOf>
+void prepareCaustics(CausticMaps* caustics, const Entries& entries, const SampleOf& sampleOf) {
+  if (caustics == nullptr) return;
   std::vector<std::uint32_t> samples;
-  for (const PathJob& job : batch.jobs) {
-    if (std::find(samples.begin(), samples.end(), job.sample) == samples.end()) {
-      samples.push_back(job.sample);
+  for (const auto& entry : entries) {
+    const std::uint32_t sample = sampleOf(entry);
+    if (std::find(samples.begin(), samples.end(), sample) == samples.end()) {
+      samples.push_back(sample);
     }
   }
-  caustics.prepare(samples);
+  caustics->prepare(samples);
 }
 
 /// Of a batch, in samples.
@@ -179,12 +183,12 @@ void SampleTaker::take(FrameBuffers& frame, const SampleSource& source, VoxelLig
       batch.jobs.clear();
       break;
     }
-    merge(frame, light, batches[(i + 1) % 2]);
-    if (source.batched) merge(frame, light, batch);  // there is no room for two
+    merge(frame, source, light, batches[(i + 1) % 2]);
+    if (source.batched) merge(frame, source, light, batch);  // there is no room for two
     adapt(secondsNow() - mark, cost);
     if (source.batched) adaptWaiting(secondsNow() - mark, jobs);
   }
-  for (SampleBatch& batch : batches) merge(frame, light, batch);
+  for (SampleBatch& batch : batches) merge(frame, source, light, batch);
 }
 
 /// Pixels of a batch: one unit of a sweep, of the viewer's as many as it has time for.
@@ -230,8 +234,8 @@ bool SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
   batch.paths.assign(count, PathSample{});
   batch.rays.assign(count, RayCounts{});
   batch.cones.resize(source.batched ? 1 : chunks);
-  for (auto& part : batch.cones) part.clear();
-  if (source.caustics != nullptr) prepareCaustics(*source.caustics, batch);
+  for (Cones& part : batch.cones) part.clear();
+  prepareCaustics(source.caustics, batch.jobs, [](const PathJob& job) { return job.sample; });
   for (PathJob& job : batch.jobs) {
     const double offset = toUnitFloat(hashCombine(hashCombine(job.x, job.y), seed_));
     const double share =
@@ -253,8 +257,8 @@ bool SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
   });
   for (const RayCounts& c : batch.rays) rays_.add(c);
   batch.queries.clear();
-  for (const auto& part : batch.cones) {
-    for (const ConeRequest& r : part) {
+  for (const Cones& part : batch.cones) {
+    for (const ConeRequest& r : part.requests) {
       batch.queries.push_back({r.origin, r.tanHalf, r.direction, r.tmin, r.tmax, r.jitter,
                                r.shadow ? shaderio::kQueryShadow : 0u, 0u});
     }
@@ -267,16 +271,21 @@ bool SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
   return true;
 }
 
-/// Second stage: the device's answers join their samples.
-void SampleTaker::finish(VoxelLight& light, SampleBatch& batch) {
+/// Second stage: the device's answers join their samples; where it had none rays go on.
+void SampleTaker::finish(const SampleSource& source, VoxelLight& light, SampleBatch& batch) {
   if (!batch.ticket) return;
   const auto scale = static_cast<float>(light.cache()->scale());
   const auto results = light.device()->finishGather(*batch.ticket);
   if (batch.gathers != nullptr) batch.gathers->end();
+  std::vector<PathState> unknown;
   std::size_t next = 0;
-  for (const auto& part : batch.cones) {
-    for (const ConeRequest& r : part) {
+  for (const Cones& part : batch.cones) {
+    for (const ConeRequest& r : part.requests) {
       const shaderio::GatherResult& answer = results[next++];
+      if (answer.transmittance < 0.0f) {
+        unknown.push_back(part.paths[r.path]);
+        continue;
+      }
       PathSample& path = batch.paths[r.job];
       const vec3 passed = r.background * answer.transmittance;
       path.guess += r.weight * answer.radiance * scale + passed;
@@ -284,11 +293,38 @@ void SampleTaker::finish(VoxelLight& light, SampleBatch& batch) {
     }
   }
   batch.ticket.reset();
+  resume(source, unknown, batch);
+}
+
+/// Paths of a batch whose cones did not know go on by rays.
+void SampleTaker::resume(const SampleSource& source, std::span<const PathState> paths,
+                         SampleBatch& batch) {
+  std::vector<PathSample> samples(paths.size());
+  std::vector<RayCounts> counts(paths.size());
+  prepareCaustics(source.caustics, paths, [](const PathState& path) { return path.number; });
+  if (source.batched) {
+    source.batched->resume(paths, samples, counts);
+  } else {
+    const std::size_t chunks = (paths.size() + kChunk - 1) / kChunk;
+    tbb::parallel_for(std::size_t{0}, chunks, [&](std::size_t chunk) {
+      const std::size_t first = chunk * kChunk, size = std::min(kChunk, paths.size() - first);
+      source.tracer->resume(paths.subspan(first, size), std::span(samples).subspan(first, size),
+                            std::span(counts).subspan(first, size));
+    });
+  }
+  for (std::size_t i = 0; i < paths.size(); ++i) {
+    PathSample& path = batch.paths[paths[i].job];
+    path.guess += samples[i].common + samples[i].guess;
+    path.direct += samples[i].direct;
+    batch.rays[paths[i].job].add(counts[i]);
+    rays_.add(counts[i]);
+  }
 }
 
 /// Third stage: the samples enter the frame.
-void SampleTaker::merge(FrameBuffers& frame, VoxelLight& light, SampleBatch& batch) {
-  finish(light, batch);
+void SampleTaker::merge(FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
+                        SampleBatch& batch) {
+  finish(source, light, batch);
   for (std::size_t i = 0; i < batch.jobs.size(); ++i) addJob(frame, batch, i);
   if (interactive_) {
     for (const std::uint32_t tile : batch.finishedTiles) rateTile(frame, tile);
@@ -305,7 +341,7 @@ bool SampleTaker::takeUnits(const FrameBuffers& frame, const SampleSource& sourc
   const RayCounts before = rays_;
   const std::size_t most = wanted(source, std::size_t{frame.sums.width()} * frame.sums.height());
   const auto keep = [&](SampleBatch& batch) {
-    finish(light, batch);
+    finish(source, light, batch);
     for (std::size_t i = 0; i < batch.jobs.size(); ++i) out.samples.push_back(takenOf(batch, i));
     batch.jobs.clear();
   };

@@ -80,8 +80,10 @@ class SampleTaker {
   bool trace(const FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
              SampleBatch& batch, bool mayGiveUp);
   void adaptWaiting(double seconds, std::size_t jobs);
-  static void finish(VoxelLight& light, SampleBatch& batch);
-  void merge(FrameBuffers& frame, VoxelLight& light, SampleBatch& batch);
+  void finish(const SampleSource& source, VoxelLight& light, SampleBatch& batch);
+  void resume(const SampleSource& source, std::span<const PathState> paths, SampleBatch& batch);
+  void merge(FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
+             SampleBatch& batch);
   void adapt(double seconds, std::size_t cost);
 
   bool interactive_;

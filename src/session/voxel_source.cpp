@@ -32,6 +32,11 @@ vec3 voxelAlbedo(const Material& m, const vec3& baseColor) {
   return glm::min(m.finish.present() ? underFinish(m.finish, bare) : bare, vec3(1.0f));
 }
 
+bool sendsByDirection(const Material& m) {
+  constexpr float kLeast = 0.1f;  // Bsdf::kMostSharp
+  return !m.unlit && (m.metallic > kLeast || m.transmission > kLeast);
+}
+
 vec3 meanColor(const std::vector<Image>& images, const Texture& texture) {
   if (!texture.present()) return vec3(1.0f);
   return vec3(textureMean(images[static_cast<std::size_t>(texture.image)], true));
@@ -44,6 +49,7 @@ asvo::Shade voxelShade(const Material& m, const std::vector<Image>& images, cons
       m, vec3(m.baseColor * vertexColor) * vec3(readTexture(images, m.baseColorTexture, uv, true)));
   out.emission = emissionAt(m, images, uv) * coverageAt(m, images, uv, vertexColor.w);
   out.emitsBack = m.doubleSided;
+  out.byDirection = sendsByDirection(m);
   return out;
 }
 

@@ -41,6 +41,8 @@ class VoxelSource : public asvo::TriangleSource {
 /// Diffuse reflectance that a voxel keeps of a surface of this base colour: what
 /// Bsdf::cachedAlbedo() has there. Zero for unlit materials.
 vec3 voxelAlbedo(const Material& material, const vec3& baseColor);
+/// Whether that is not nearly all of its light, as of metals and frosted glass: Bsdf::cacheable().
+bool sendsByDirection(const Material& material);
 /// Mean of a texture's colour, one if there is none.
 vec3 meanColor(const std::vector<Image>& images, const Texture& texture);
 /// The shade of a surface point; `vertexColor` multiplies the base colour. Emission is that of the

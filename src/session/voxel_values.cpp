@@ -75,6 +75,9 @@ void VoxelValues::put(std::uint32_t material, const Material& now,
     if (now == before) continue;
     const vec3 albedo = movedAlbedo(unpackColor(voxel.z), before, now, texture);
     voxel.z = (voxel.z & 0xff000000u) | packColor(albedo);
+    // As for its colour, what is not of the voxel's main material stays as it was.
+    if (sendsByDirection(now) == sendsByDirection(before)) continue;
+    voxel.x = (voxel.x & 0x3fffffffu) | (sendsByDirection(now) ? 3u << 30 : 0u);
   }
 }
 

@@ -88,6 +88,73 @@ TEST(Gather, CpuEqualsThePlainTracerToTheBit) {
   }
 }
 
+/// The furnished room with a ball of metal, which voxels know or not, and cones of which some aim
+/// at it.
+struct RoomWithMetal {
+  static constexpr glm::vec3 kBall{2.0f, 2.2f, 1.2f};
+  asvo::Tree tree;
+  std::vector<GatherQuery> queries;
+
+  explicit RoomWithMetal(bool known) {
+    test::Room room = test::furnishedRoom();
+    room.addSphere(kBall, 0.3f, {0.0f, 0.0f, 0.0f}, 1);
+    if (known) room.setMetal(1);
+    tree = test::buildTree(room, 7);
+    queries = test::roomQueries(tree, 20'000);
+    for (std::size_t i = 0; i < queries.size(); i += 2) {
+      queries[i].direction = glm::normalize(kBall - queries[i].origin);
+      if (i % 4 == 0) queries[i].tanHalf *= 0.01f;
+    }
+  }
+  std::vector<GatherResult> gather(const char* kind) const {
+    const auto tracer = test::makeTracer(kind, tree);
+    tracer->tracePhotons(test::pointLight(tree, {2.0f, 2.7f, 2.8f}, 100.0f, 20'000), 1e-6);
+    tracer->resolveLight(20'000);
+    return trex::gather(*tracer, queries);
+  }
+};
+
+/// Where a cone meets what sends light by its direction it says so; others are as they were, and
+/// what asks for transmittance alone is told it.
+TEST(Gather, ConesSayWhatVoxelsDoNotKnow) {
+  const RoomWithMetal room(true);
+  const auto plain = RoomWithMetal(false).gather("cpu"), marked = room.gather("cpu");
+  const asvo::Tracer oracle(room.tree);
+  int unknown = 0, known = 0;
+  for (std::size_t i = 0; i < marked.size(); ++i) {
+    const GatherQuery& q = room.queries[i];
+    ASSERT_GE(plain[i].transmittance, 0.0f);
+    const bool lit = (q.flags & shaderio::kQueryShadow) == 0;
+    if (!lit || marked[i].transmittance >= 0.0f) {
+      ASSERT_EQ(marked[i].radiance, plain[i].radiance) << i;
+      ASSERT_EQ(marked[i].transmittance, plain[i].transmittance) << i;
+    }
+    asvo::Tracer::AsvoHit hit;
+    if (!lit || i % 4 != 0 || !oracle.asvoIntersect(q.origin, q.direction, q.tmin, q.tmax, hit)) {
+      continue;
+    }
+    const bool metal = oracle.asvoMaterial(hit.voxel) == 1;
+    EXPECT_EQ(marked[i].transmittance < 0.0f, metal) << i;
+    (metal ? unknown : known) += 1;
+  }
+  EXPECT_GT(unknown, 500);
+  EXPECT_GT(known, 500);
+}
+
+TEST(Gather, DevicesSayTheSameOfWhatVoxelsDoNotKnow) {
+  const RoomWithMetal room(true);
+  const auto cpu = room.gather("cpu");
+  for (const char* kind : {"device", "staged"}) {
+    const auto device = room.gather(kind);
+    std::size_t different = 0;
+    for (std::size_t i = 0; i < cpu.size(); ++i) {
+      different += std::signbit(cpu[i].transmittance) != std::signbit(device[i].transmittance);
+    }
+    // Half of the cones aim at the ball, many along faces of voxels on their way.
+    EXPECT_LE(different, cpu.size() / 50) << kind;
+  }
+}
+
 /// Cones with apertures from nothing to a half space, from outside, from faces of voxels and of the
 /// cube, along the axes.
 std::vector<GatherQuery> oddQueries(const asvo::Tree& tree) {

@@ -8,7 +8,9 @@
 
 namespace trex::test {
 
+using asvo::ASVO_CONE_UNKNOWN;
 using asvo::ASVO_GRID_EMPTY;
+using asvo::ASVO_GRID_UNEVEN;
 using asvo::ASVO_MAX_DEPTH;
 using asvo::ASVO_MAX_GRID_LEVEL;
 using asvo::ASVO_NONE;

@@ -16,8 +16,10 @@ class Room : public asvo::TriangleSource {
   std::uint64_t count() const override { return triangles_.size(); }
   void get(std::uint64_t i, asvo::Triangle& triangle) const override { triangle = triangles_[i]; }
   asvo::Shade shade(const asvo::Triangle& triangle, float, float) const override {
-    return {albedos_[triangle.shadeKey], glm::vec3(0.0f), false};
+    return {albedos_[triangle.shadeKey], glm::vec3(0.0f), false, triangle.material == metal_};
   }
+  /// Surfaces of this material send light by its direction.
+  void setMetal(std::uint32_t material) { metal_ = material; }
 
   void addTriangle(glm::vec3 a, glm::vec3 b, glm::vec3 c, glm::vec3 albedo,
                    std::uint32_t material) {
@@ -71,6 +73,7 @@ class Room : public asvo::TriangleSource {
  private:
   std::vector<asvo::Triangle> triangles_;
   std::vector<glm::vec3> albedos_;
+  std::uint32_t metal_ = 0xffffffffu;
 };
 
 /// 4 x 3 x 5 m, coloured walls, three boxes and two spheres.

@@ -28,11 +28,11 @@ void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 
 // Limits a little above what docs/tests.md reports.
 constexpr Case kCases[] = {
-    {"glossy", 512, 0.01, 0.08, 0.11, 0.52},     {"emitters", 512, 0.01, 0.17, 0.02, 0.22},
-    {"slit", 1024, 0.01, 0.15, 0.08, 0.34},      {"sun", 512, 0.01, 0.06, 0.03, 0.38},
-    {"glass", 512, 0.01, 0.07, 0.02, 0.12},      {"instances", 512, 0.01, 0.05, 0.07, 0.42},
-    {"texture", 512, 0.01, 0.05, 0.03, 0.12},    {"point", 512, 0.01, 0.025, 0.03, 0.1},
-    {"coats", 512, 0.01, 0.08, 0.08, 0.38, 192},
+    {"glossy", 512, 0.01, 0.08, 0.01, 0.08},      {"emitters", 512, 0.01, 0.17, 0.01, 0.17},
+    {"slit", 1024, 0.01, 0.15, 0.06, 0.33},       {"sun", 512, 0.01, 0.06, 0.013, 0.15},
+    {"glass", 512, 0.01, 0.07, 0.014, 0.12},      {"instances", 512, 0.01, 0.05, 0.01, 0.08},
+    {"texture", 512, 0.01, 0.05, 0.012, 0.04},    {"point", 512, 0.01, 0.025, 0.01, 0.03},
+    {"coats", 512, 0.01, 0.08, 0.015, 0.05, 192},
 };
 
 std::string nameOf(const testing::TestParamInfo<Case>& info) { return info.param.name; }

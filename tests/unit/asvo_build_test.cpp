@@ -79,6 +79,30 @@ TEST(AsvoBuild, OneTriangle) {
   EXPECT_NEAR(0.5f, rootArea(tree), 3e-4f);
 }
 
+/// A box of which one material sends light by its direction.
+class HalfMetal : public Shape {
+ public:
+  asvo::Shade shade(const asvo::Triangle& triangle, float, float) const override {
+    return {vec3(0.5f), vec3(0.0f), false, triangle.material == 1};
+  }
+};
+
+/// The share of faces that send light by their direction, where they lie on others too.
+TEST(AsvoBuild, ShareByDirectionIsThatOfTheFaces) {
+  HalfMetal shape;
+  shape.addQuad({0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0}, 0);
+  const Tree without = build(shape, 4);
+  for (const auto& voxel : without.voxels) EXPECT_EQ(Tracer(without).asvoDirectional(voxel), 0u);
+  shape.addQuad({0, 0, 0.001f}, {0.5f, 0, 0.001f}, {0.5f, 1, 0.001f}, {0, 1, 0.001f}, 1);
+  const Tree tree = build(shape, 4);
+  const Tracer tracer(tree);
+  EXPECT_EQ(tracer.asvoDirectional(tree.voxels[0]), 2u);  // a third
+  const std::uint32_t under = tracer.asvoFindNear(vec3(0.25f, 0.5f, 0.0f), vec3(0, 0, 1), 4);
+  const std::uint32_t beside = tracer.asvoFindNear(vec3(0.8f, 0.5f, 0.0f), vec3(0, 0, 1), 4);
+  EXPECT_GE(tracer.asvoDirectional(tree.voxels[under]), 2u);  // half
+  EXPECT_EQ(tracer.asvoDirectional(tree.voxels[beside]), 0u);
+}
+
 TEST(AsvoBuild, AreaOfASphereIsKept) {
   Shape shape;
   shape.addSphere({0.1f, 0.2f, 0.3f}, 0.7f, 40);

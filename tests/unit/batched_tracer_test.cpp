@@ -120,7 +120,7 @@ Traced trace(const std::vector<Material>& materials, std::uint64_t pages, int th
   const PathTracer tracer(model.scene, *model.rays, lights, camera, GuessOptions{}, 5);
   const std::vector<PathJob> all = jobs();
   Traced out{std::vector<PathSample>(all.size()), std::vector<RayCounts>(all.size())};
-  std::vector<ConeRequest> cones;
+  Cones cones;
   if (pages == 0) {
     tracer.trace(all, kSide, 0, out.samples, out.counts, cones);
     return out;
@@ -189,7 +189,7 @@ TEST(BatchedTracer, APageThatCannotBeReadIsAnError) {
   const std::vector<PathJob> all = jobs();
   std::vector<PathSample> samples(all.size());
   std::vector<RayCounts> counts(all.size());
-  std::vector<ConeRequest> cones;
+  Cones cones;
   try {
     batched.trace(all, kSide, samples, counts, cones);
     FAIL() << "no error";
@@ -239,7 +239,7 @@ TEST(BatchedTracer, RecordsWhatHappened) {
   const std::vector<PathJob> all = jobs();
   std::vector<PathSample> samples(all.size());
   std::vector<RayCounts> counts(all.size());
-  std::vector<ConeRequest> cones;
+  Cones cones;
   tbb::task_arena(2).execute([&] { batched.trace(all, kSide, samples, counts, cones); });
   const std::string json = record.chromeTrace();
   for (const char* part : {"new paths", "page 0", "thread 0", "planned reads"})

@@ -77,7 +77,7 @@ TEST(PathTracer, LooksShowWhatSamplesShow) {
   const auto trace = [&](const std::vector<PathJob>& jobs, RayCounts& sum) {
     std::vector<PathSample> out(jobs.size());
     std::vector<RayCounts> counts(jobs.size());
-    std::vector<ConeRequest> cones;
+    Cones cones;
     tracer.trace(jobs, kSide, 0, out, counts, cones);
     for (const RayCounts& c : counts) sum.add(c);
     return out;
@@ -117,9 +117,9 @@ TEST(PathTracer, SamplesAreTheSameInAnyWave) {
     jobs.push_back({i % kSide, i * 7 % kSide, i % 5, i % 2 == 0});
   std::vector<PathSample> samples(jobs.size());
   std::vector<RayCounts> counts(jobs.size());
-  std::vector<ConeRequest> cones;
+  Cones cones;
   tracer.trace(jobs, kSide, 0, samples, counts, cones);
-  EXPECT_TRUE(cones.empty());
+  EXPECT_TRUE(cones.requests.empty());
   std::ranges::reverse(jobs);
   for (std::size_t i = 0; i < jobs.size(); ++i) {
     const std::size_t k = jobs.size() - 1 - i;
