@@ -178,6 +178,62 @@ TEST(BatchedTracer, LightWaitsBehindGlassAndInFog) {
   }
 }
 
+/// Cached light that is the same everywhere.
+class EvenLight final : public CachedLight {
+ public:
+  float leafSize() const override { return 0.01f; }
+  float detail() const override { return 0.01f; }
+  bool irradiance(const vec3&, const vec3&, float, vec2, vec3& out) const override {
+    out = vec3(1.0f, 2.0f, 3.0f);
+    return true;
+  }
+};
+
+/// Paths in the place of cones that did not know go on the same, whatever pages are there.
+TEST(BatchedTracer, PathsGoOnWhereConesDoNotKnow) {
+  const EvenLight light;
+  GuessOptions guess;
+  guess.cache = &light;
+  guess.cones = true;
+  const auto resumed = [&](std::uint64_t pages, const std::vector<PathState>* paths) {
+    const Paged model = paged(plain(), pages);
+    const LightSet lights(model.scene, *model.rays);
+    const CameraRays camera(model.scene.cameras.front(), dvec3(0.0), kSide, kSide);
+    const PathTracer tracer(model.scene, *model.rays, lights, camera, guess, 5);
+    std::pair<std::vector<PathState>, Traced> out;
+    if (paths == nullptr) {
+      const std::vector<PathJob> all = jobs();
+      Traced begun{std::vector<PathSample>(all.size()), std::vector<RayCounts>(all.size())};
+      Cones cones;
+      tracer.trace(all, kSide, 0, begun.samples, begun.counts, cones);
+      for (const ConeRequest& r : cones.requests)
+        EXPECT_TRUE(r.shadow || r.path < cones.paths.size());
+      out.first = cones.paths;
+      paths = &out.first;
+    }
+    out.second = {std::vector<PathSample>(paths->size()), std::vector<RayCounts>(paths->size())};
+    if (pages == 10'000) {
+      tracer.resume(*paths, out.second.samples, out.second.counts);
+    } else {
+      LoadChoice choice(model.mesh().table());
+      BatchedTracer batched(tracer, *model.rays, choice);
+      batched.resume(*paths, out.second.samples, out.second.counts);
+    }
+    return out;
+  };
+  const auto [paths, whole] = resumed(10'000, nullptr);
+  ASSERT_GT(paths.size(), 100u);
+  double sum = 0.0;
+  for (const PathSample& s : whole.samples) sum += static_cast<double>(s.common.x + s.guess.x);
+  EXPECT_GT(sum, 1.0);
+  for (const std::uint64_t pages : {1, 3}) {
+    const Traced some = resumed(pages, &paths).second;
+    expectSame(some, whole);
+    for (std::size_t i = 0; i < paths.size(); ++i)
+      ASSERT_EQ(some.samples[i].guess, whole.samples[i].guess) << i;
+  }
+}
+
 /// A page that can't be read ends all threads with its error.
 TEST(BatchedTracer, APageThatCannotBeReadIsAnError) {
   const Paged model = paged(plain(), 3, false, true);
@@ -212,7 +268,7 @@ TEST(BatchedTracer, ASlowDiskIsReadAhead) {
     const std::vector<PathJob> all = jobs();
     std::vector<PathSample> samples(all.size());
     std::vector<RayCounts> counts(all.size());
-    std::vector<ConeRequest> cones;
+    Cones cones;
     tbb::task_arena(2).execute([&] { batched.trace(all, kSide, samples, counts, cones); });
     const PageTrafficReport r = batched.report();
     EXPECT_LE(r.waiting + r.unpacking, r.tracing * 1.001);
