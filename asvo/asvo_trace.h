@@ -98,6 +98,8 @@ ASVO_CONST float kAsvoMinTransmittance = 0.01f;
 // Levels that a cone goes down where a voxel is uneven: what edges and corners of rooms send out
 // depends on which of their faces is seen, and a mean of them is dark by 1 to 2 %.
 ASVO_CONST uint kAsvoFiner = 2u;
+// Coverage from which on a voxel may count as uneven, in 1/63.
+ASVO_CONST uint kAsvoLeastUneven = 22u;
 // Share of a cone from which on it does not pass over voxels that do not know their light.
 ASVO_CONST float kAsvoLeastUnknown = 0.05f;
 ASVO_CONST float kAsvoInvPi = 0.318309886f;
@@ -186,9 +188,6 @@ uint asvoMaterial(uint voxel) ASVO_READS { return ASVO_VOXEL(voxel).w & 65535u; 
 /// Whether all surfaces in a voxel lie near its plane.
 bool asvoHasPlane(uint voxel) ASVO_READS { return ASVO_VOXEL(voxel).z >> 24 != 0u; }
 
-/// Whether the surfaces in a voxel above the leaves lie off any plane: edges, corners, layers.
-bool asvoUneven(uint voxel) ASVO_READS { return ((ASVO_VOXEL(voxel).z >> 24) & 31u) == 0u; }
-
 /// How much of the faces in a voxel sends light by its direction: 0 none, 1 some, 2 an eighth or
 /// more, 3 half or more.
 uint asvoDirectional(uvec4 v) ASVO_READS { return v.x >> 30; }
@@ -203,6 +202,16 @@ float asvoArea(uint voxel) ASVO_READS {
 /// Coverage towards +x, -x, +y, -y, +z, -z, in 1/63.
 uint asvoCoverage(uvec4 v, uint direction) ASVO_READS {
   return (direction < 5u ? v.x >> (6u * direction) : v.y) & 63u;
+}
+
+/// Whether the surfaces in a voxel above the leaves lie off any plane, and hide much of what is
+/// behind them: edges, corners, layers. Not leaves of trees, which cones see through.
+bool asvoUneven(uint voxel) ASVO_READS {
+  uvec4 v = ASVO_VOXEL(voxel);
+  if (((v.z >> 24) & 31u) != 0u) return false;
+  uint covered = 0u;
+  for (uint side = 0u; side < 6u; ++side) covered = max(covered, asvoCoverage(v, side));
+  return covered >= kAsvoLeastUneven;
 }
 
 /// Area that the coverage of a voxel's faces leaves room for, in faces of the voxel: where there is

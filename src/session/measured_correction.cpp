@@ -113,6 +113,7 @@ MeasuredCorrection::MeasuredCorrection(const FeatureImage& features, NoisyPixels
       raw_(std::move(noisy.mean)),
       variance_(std::move(noisy.variance)) {
   for (std::uint32_t half = 0; half < 2; ++half) filters_.push_back(filterOf(features, half));
+  filters_.push_back(filterOfAll(features));
 }
 
 /// In a tile where pixels lack pairs sums are divided by how many a pixel has there on average:
@@ -179,12 +180,23 @@ GuessFilter MeasuredCorrection::filterOf(const FeatureImage& features, std::uint
   return {features, difference, spread, true};
 }
 
+GuessFilter MeasuredCorrection::filterOfAll(const FeatureImage& features) const {
+  std::vector<vec3> difference = raw_, spread = variance_;
+  for (std::size_t i = 0; i < raw_.size(); ++i) {
+    difference[i] /= scattering_[i];
+    spread[i] /= scattering_[i] * scattering_[i];
+  }
+  return {features, difference, spread, true};
+}
+
 bool MeasuredCorrection::advance(const std::function<bool()>& keepGoing) {
-  for (int h = 0; h < 2; ++h) {
-    if (!filtered_[h].empty()) continue;
-    if (!filters_[static_cast<std::size_t>(h)].advance(keepGoing)) return false;
-    filtered_[h] = filters_[static_cast<std::size_t>(h)].result();
-    for (std::size_t i = 0; i < filtered_[h].size(); ++i) filtered_[h][i] *= scattering_[i];
+  std::vector<vec3>* const results[] = {&filtered_[0], &filtered_[1], &all_};
+  for (std::size_t f = 0; f < filters_.size(); ++f) {
+    std::vector<vec3>& result = *results[f];
+    if (!result.empty()) continue;
+    if (!filters_[f].advance(keepGoing)) return false;
+    result = filters_[f].result();
+    for (std::size_t i = 0; i < result.size(); ++i) result[i] *= scattering_[i];
   }
   return true;
 }
@@ -239,7 +251,7 @@ std::vector<vec3> MeasuredCorrection::take(const std::vector<vec3>& picture) {
     for (std::uint32_t x = 0; x < width_; ++x) {
       const std::size_t i = std::size_t{y} * width_ + x;
       const float part = weights.at(x, y);
-      out[i] = 0.5f * part * (filtered_[0][i] + filtered_[1][i]);
+      out[i] = part * all_[i];
       // |b|^2 - |b - c|^2 of the bias b and the correction c.
       captured += 2.0 * static_cast<double>(part) *
                       dotOf(weigh[i] * filtered_[unseenBy(x, y)][i], raw_[i]) -

@@ -47,13 +47,14 @@ class MeasuredCorrection {
  private:
   struct Weights;
   GuessFilter filterOf(const FeatureImage& features, std::uint32_t half) const;
+  GuessFilter filterOfAll(const FeatureImage& features) const;
   Weights measure(const std::vector<vec3>& weigh) const;
   BiasFigures biasOf(const std::vector<vec3>& weigh, std::uint32_t size) const;
 
   std::uint32_t width_, height_;
   std::vector<float> scattering_;
   std::vector<vec3> raw_, variance_;
-  std::vector<vec3> filtered_[2];
+  std::vector<vec3> filtered_[2], all_;  ///< of each half, which tells how much of all is true
   std::vector<GuessFilter> filters_;
   double errorLeft_ = 0.0;
 };

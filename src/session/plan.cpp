@@ -27,8 +27,10 @@ std::uint32_t nextLightSample(const SessionState& s) {
     return photonsFor(sample, s.pixels, s.leastPhotons, s.inPages);
   };
   std::uint32_t next = 4;
-  while (next < (1u << 30) && (next <= s.samples || photons(next) == photons(s.samples))) next *= 4;
-  return photons(next) > photons(s.samples) ? next : kAnySamples;
+  while (next <= s.samples && next < (1u << 30)) next *= 4;
+  // Samples that wait for pages together share their loads: they stop only where they must.
+  while (s.inPages && photons(next) == photons(s.samples) && next < (1u << 30)) next *= 4;
+  return photonTarget(next, s.pixels) > photonTarget(s.samples, s.pixels) ? next : kAnySamples;
 }
 
 }  // namespace

@@ -242,6 +242,10 @@ void ShownPicture::addMissing(const FrameBuffers& frame) {
       for (std::uint32_t x = tile.x; x < tile.x + tile.width; ++x) {
         const Moments d = sums.difference(x, y);
         const dvec3 m = d.mean();
+        if (!frame.dial) {
+          missing_ += m.x + m.y + m.z;
+          continue;
+        }
         const auto n = static_cast<double>(d.count());
         const double one = m.x + m.y + m.z;
         const dvec3 square = d.squares();

@@ -60,7 +60,7 @@ class ShownPicture {
   std::vector<vec3> picture_;  ///< until done, what is not filtered
   std::vector<vec3> lit_;      ///< what is filtered
   double missing_ = 0.0;       ///< sum of the differences to exact paths that lit_ is without
-  double doubt_ = 0.0;         ///< its variance
+  double doubt_ = 0.0;         ///< with a dial: its variance
   double biasLeft_ = -1.0;
   bool keepGuess_ = false;
   std::vector<vec3> guessLight_;

@@ -70,7 +70,7 @@ TEST(AsvoFormat, LayoutIsAsDescribed) {
     return value;
   };
   EXPECT_EQ(0, std::memcmp(bytes.data(), "ASVOtree", 8));
-  EXPECT_EQ(2u, at(8, 0u));
+  EXPECT_EQ(3u, at(8, 0u));
   EXPECT_EQ(bytes.size(), at(16, std::uint64_t{}));
   EXPECT_EQ(4u, at(48, 0u));
   const auto nodeCount = at(52, 0u), firstLeaf = at(56, 0u), leafCount = at(60, 0u);

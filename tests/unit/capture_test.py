@@ -145,7 +145,7 @@ class CaptureTest(unittest.TestCase):
         job = ["--spp", 32, "--denoise", "off"]
         self.render("-o", whole, "--size", "64x64", "--guess", "cone", *job)
         # While photons are shot, while cones are traced, before the second round of photons.
-        for submit in (1, 2, 12, 60):
+        for submit in (1, 2, 12, 30):
             result = self.lose_device(submit, "-o", out, *job, "--json")
             self.assertEqual(result.returncode, 0, result.stderr)
             self.assertEqual(result.stderr.count("going on with the C++ tracer"), 1, result.stderr)
