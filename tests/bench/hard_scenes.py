@@ -75,7 +75,7 @@ def glossy(glb):
 
 
 def foliage(glb):
-    """Six trees of 24 000 leaves with cut-out edges, under a sun and a sky."""
+    """Six trees of 4000 leaves with cut-out edges, under a sun and a sky."""
     def leaf(x, y):
         u, v = (x - 15.5) / 14, (y - 15.5) / 15.5
         inside = abs(u) < (1 - v * v) * (0.55 + 0.3 * math.cos(9 * v))

@@ -37,7 +37,8 @@ void trace(const asvo::Tree& tree) {
     const glm::vec3 direction = glm::normalize(glm::vec3(y - z, z - x, x - 0.5f) + 1e-6f);
     const asvo::Tracer::AsvoCone cone =
         tracer.asvoMarch(origin, direction, 0.4f * unit(random), 0.0f, 1e30f, unit(random), true);
-    require(cone.transmittance >= 0.0f && cone.transmittance <= 1.0f);
+    require(cone.transmittance == -1.0f ||
+            (cone.transmittance >= 0.0f && cone.transmittance <= 1.0f));
     require(cone.radiance.x >= 0.0f && cone.radiance.y >= 0.0f && cone.radiance.z >= 0.0f);
     asvo::Tracer::AsvoHit hit;
     if (!tracer.asvoIntersect(origin, direction, 0.0f, 1e30f, hit)) continue;
