@@ -10,7 +10,7 @@ that is there; its own relMSE, from two halves, is the last column. It is kept i
 on stderr. --pictures writes a strip of each scene (needs OpenEXR and Pillow, see peers/setup.sh): the times,
 the truth, and last the exact share of the last picture, black 0 and white 1.
 """
-import argparse, json, math, os, random, subprocess, sys
+import argparse, contextlib, json, math, os, random, subprocess, sys
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(os.path.dirname(HERE))
@@ -190,7 +190,8 @@ def main():
     os.makedirs(options.out, exist_ok=True)
     print("| scene | FLIP | relMSE | mean / truth | samples | exact share | the truth's own relMSE |\n" + "|---" * 7 + "|")
     for name in options.only.split(","):
-        path, more = scene(name, options)
+        with contextlib.redirect_stdout(sys.stderr):
+            path, more = scene(name, options)
         true, clean, noise = truth(options, name, path, more)
         rows, pictures = [], []
         for seconds in options.seconds.split(","):
