@@ -4,7 +4,8 @@
 //
 // Files of the library
 //   asvo_layout.h   the arrays, word by word; shared with GLSL
-//   asvo_trace.h    the tracer, one text for GLSL and C++
+//   asvo_trace.h    the tracer, one text for GLSL and C++; of that
+//   asvo_voxel.h    what one voxel's words say
 //   tracer.h        class Tracer: the C++ build of that text
 //   medium.h        fog, smoke and fire beside the tree; medium_trace.h follows rays through them
 //   FORMAT.md       the file

@@ -20,6 +20,8 @@ from make_assets import Glb, Shape, png, sphere  # noqa: E402
 from many_lights import street  # noqa: E402
 from scenes import colored_walls, lamp, room, sun  # noqa: E402
 
+SCENES = ("caustics", "glossy", "media", "lamps", "foliage")
+
 
 def sun_of(glb, direction, intensity):
     """A directional light that shines towards `direction`."""
@@ -178,7 +180,7 @@ def strip(options, name, pictures, true, stops):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trex", default=os.path.join(ROOT, "build/trex"))
-    parser.add_argument("--only", default="caustics,glossy,media,lamps,foliage")
+    parser.add_argument("--only", default=",".join(SCENES))
     parser.add_argument("--exact", default="auto")
     parser.add_argument("--seconds", default="1,4,16")
     parser.add_argument("--truth", type=int, default=1024)
@@ -187,6 +189,9 @@ def main():
     parser.add_argument("--pictures")
     parser.add_argument("rest", nargs="*")
     options = parser.parse_args()
+    for name in options.only.split(","):
+        if name not in SCENES:
+            parser.error(f"--only {name}: want some of {','.join(SCENES)}")
     os.makedirs(options.out, exist_ok=True)
     print("| scene | FLIP | relMSE | mean / truth | samples | exact share | the truth's own relMSE |\n" + "|---" * 7 + "|")
     for name in options.only.split(","):

@@ -110,6 +110,8 @@ def main():
     for path in options.reports:
         with open(path) as f:
             reports.append(json.load(f))
+        if reports[-1].get("bench") != "tradeoff":
+            parser.error(f"{path}: not a report of trex bench tradeoff")
     check_alike(reports)
     report = reports[0]
     curves = []

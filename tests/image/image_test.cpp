@@ -99,6 +99,42 @@ TEST(ImageComparison, NoticesTwoPercent) {
   EXPECT_LT(compare(image, reference).blockP, 1e-6);
 }
 
+/// Mean FLIP over five seeds of what is shown of a scene, filtered, after 32 samples.
+double shownError(const char* scene, double exact, bool dial) {
+  constexpr std::uint32_t kSeeds = 5;
+  const Rendered reference = readReference(scene);
+  const auto model = std::make_shared<const Model>(makeModel(
+      importTestScene(scene), {.voxelDepth = voxelDepthFor(std::uint64_t{kSide} * kSide)}));
+  double sum = 0.0;
+  for (std::uint32_t seed = 0; seed < kSeeds; ++seed) {
+    RenderSettings settings = settingsFor(kSide, exact, 32, seed);
+    settings.dial = dial;
+    settings.denoise = Denoise::kFilter;
+    Session session(model, model->scene.cameras.front(), settings);
+    session.run();
+    const Picture picture = session.picture();
+    const std::vector<float>& values = picture.values;
+    Rendered image;
+    image.width = image.height = kSide;
+    for (std::size_t i = 0; i < values.size(); i += picture.channels.size()) {
+      image.mean.emplace_back(values[i], values[i + 1], values[i + 2]);
+    }
+    sum += flip(image, reference) / kSeeds;
+  }
+  return sum;
+}
+
+/// Where exact paths are much noisier than the guess, what they add does not stain the picture.
+TEST(ImageCorrection, IsWorthItWhereItIsMostlyNoise) {
+  const double guess = shownError("slit", 0.0, false);
+  const double given = shownError("slit", 0.25, false) / guess;
+  const double dial = shownError("slit", kFirstShare, true) / guess;
+  report("slit, exact 0.25 over the guess, FLIP", given, 1.0);
+  report("slit, exact auto over the guess, FLIP", dial, 1.1);
+  EXPECT_LT(given, 1.0);
+  EXPECT_LT(dial, 1.1);
+}
+
 INSTANTIATE_TEST_SUITE_P(Scenes, Image, testing::ValuesIn(kCases), nameOf);
 
 }  // namespace

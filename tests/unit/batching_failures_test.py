@@ -2,14 +2,8 @@
 """Renders whose pages do not fit in memory, and that are killed, run out of disk, or meet a bad page: nothing is lost."""
 import json, os, random, re, resource, signal, subprocess, time
 import program
-from program import ProgramTest, run
-
-MODEL = "synth:assembly?triangles=2e5&seed=3"
-
-
-def contents(path):
-    with open(path, "rb") as f:
-        return f.read()
+from paged_model import PagedModelTest, contents
+from program import run
 
 
 def limited(size):
@@ -17,21 +11,7 @@ def limited(size):
     return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
 
-class BatchingFailures(ProgramTest):
-    @classmethod
-    def setUpClass(cls):
-        cls.shared = ProgramTest("path")
-        cls.shared.setUp()
-        cls.bundle = cls.shared.path("a.trex")
-        p = run("bake", MODEL, "-o", cls.bundle, "--stream")
-        assert p.returncode == 0, p.stderr
-        pages = json.loads(run("info", cls.bundle, "--json").stdout)["mesh_pages"]
-        cls.few = str(max(int(pages["memory_bytes"] * 0.05), pages["largest_page_bytes"] + 8192))
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.shared.doCleanups()
-
+class BatchingFailures(PagedModelTest):
     def job(self, picture, *options, spp=8, bundle=None):
         return ["render", bundle or self.bundle, "-o", self.path(picture), "--size", "80x50", "--spp", spp, "--device", "none",
                 "--denoise", "off", "--cache", self.few, "--ray-memory", "6M", *options]
@@ -44,9 +24,6 @@ class BatchingFailures(ProgramTest):
         said = p.communicate(timeout=300)[1]
         self.assertEqual(p.returncode, code, said)
         return said
-
-    def read(self, name):
-        return contents(self.path(name))
 
     def test_killed_at_any_time_it_resumes_to_the_same_bytes(self):
         chance = random.Random(7)

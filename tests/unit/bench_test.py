@@ -116,7 +116,9 @@ class BenchTest(unittest.TestCase):
         scene, = json.loads(result.stdout)["scenes"]
         self.assertEqual(scene["max_bounces"], 0)
         self.assertEqual(scene["runs"][0]["rays"]["shadow_rays"], 0)
-        self.assertIsNone(self.document()["scenes"][0]["max_bounces"])
+        whole = self.document()["scenes"][0]
+        self.assertIsNone(whole["max_bounces"])
+        self.assertGreater(whole["runs"][2]["rays"]["shadow_rays"], 0)
 
     def test_table_of_seeds(self):
         """Medians of three reports, of which one is twice as wrong everywhere."""

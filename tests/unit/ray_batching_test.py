@@ -2,39 +2,16 @@
 """Paths that wait for pages: the same bytes as in memory, and errors that are clear."""
 import json, os, signal, subprocess, time
 import program
-from program import ProgramTest, run
-
-MODEL = "synth:assembly?triangles=2e5&seed=3"
-
-
-def contents(path):
-    with open(path, "rb") as f:
-        return f.read()
+from paged_model import MODEL, PagedModelTest, contents
+from program import run
 
 
-class RayBatching(ProgramTest):
-    @classmethod
-    def setUpClass(cls):
-        cls.shared = ProgramTest("path")
-        cls.shared.setUp()
-        cls.bundle = cls.shared.path("a.trex")
-        p = run("bake", MODEL, "-o", cls.bundle, "--stream")
-        assert p.returncode == 0, p.stderr
-        cls.pages = json.loads(run("info", cls.bundle, "--json").stdout)["mesh_pages"]
-        cls.few = str(max(int(cls.pages["memory_bytes"] * 0.05), cls.pages["largest_page_bytes"] + 8192))
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.shared.doCleanups()
-
+class RayBatching(PagedModelTest):
     def render(self, picture, *options, code=0, spp=3, bundle=None):
         p = run("render", bundle or self.bundle, "-o", self.path(picture), "--size", "80x50", "--spp", spp, "--device", "none",
                 "--denoise", "off", "--json", *options)
         self.assertEqual(p.returncode, code, p.stderr)
         return json.loads(p.stdout) if code == 0 else p.stderr
-
-    def read(self, name):
-        return contents(self.path(name))
 
     def same(self, *options, **kw):
         """All in memory, on demand, and waiting, the latter with room for all paths and for few."""
