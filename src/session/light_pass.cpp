@@ -55,6 +55,7 @@ void LightPass::aim(const CameraRays& camera, std::uint32_t width, std::uint32_t
   importance_ = traceImportons(scene_, walks_, camera, width, height, seed_);
   if (importance_.empty()) guides_.clear();
   hintGuides(scene_, walks_, lights_, importance_, guides_);
+  hints_ = guides_;
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
   seconds_ += taken.count();
 }
@@ -83,7 +84,7 @@ bool LightPass::shoot(std::uint64_t count, const std::function<bool()>& giveUp) 
     landed_ += p.bounce == 0 ? 1 : 0;
   }
   if (!records.empty()) device_.tracePhotons(records, unit_);
-  noticeLoss();  // these records are not among the lost
+  if (noticeLoss()) return true;
   emitted_ += count;
   if (guides_.empty()) return true;
   unlearned_.insert(unlearned_.end(), landed->begin(), landed->end());
@@ -93,12 +94,15 @@ bool LightPass::shoot(std::uint64_t count, const std::function<bool()>& giveUp) 
   return true;
 }
 
-/// Whether the device has lost the flux of all photons so far.
+/// Whether the device has lost the flux of all photons so far: the same ones start anew.
 bool LightPass::noticeLoss() {
-  const bool lost = device_.fluxLosses() != losses_;
+  if (device_.fluxLosses() == losses_) return false;
   losses_ = device_.fluxLosses();
-  if (lost) lost_ = emitted_;
-  return lost;
+  device_.resetFlux();  // what came after the loss is shot again, too
+  emitted_ = landed_ = wanted_ = 0;
+  unlearned_.clear();
+  guides_ = hints_;
+  return true;
 }
 
 bool LightPass::run(std::uint64_t target, const std::function<bool()>& keepGoing,
@@ -108,20 +112,20 @@ bool LightPass::run(std::uint64_t target, const std::function<bool()>& keepGoing
   bool going = true;
   noticeLoss();  // while cones were traced
   do {
-    while (counted() < target && (going = going && keepGoing())) {
+    while (emitted_ < target && (going = going && keepGoing())) {
       const auto mark = std::chrono::steady_clock::now();
       // Photons that wait share loads: the more the better.
       const std::uint64_t most = walks_.waits() ? kBatch : chunk_;
-      going = shoot(std::min({most, boundary() - emitted_, target - counted()}), giveUp);
+      going = shoot(std::min({most, boundary() - emitted_, target - emitted_}), giveUp);
       const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - mark;
       if (taken.count() > 1.5 * kChunkSeconds) chunk_ = std::max<std::uint64_t>(chunk_ / 2, 256);
       if (taken.count() < 0.5 * kChunkSeconds) chunk_ = std::min(chunk_ * 2, kBatch);
     }
-    going = going && device_.resolveLight(counted(), keepGoing);
+    going = going && device_.resolveLight(emitted_, keepGoing);
   } while (noticeLoss());
   if (going) {
-    cache_.setLight(device_.light(), scale_, static_cast<double>(counted()));
-    resolved_ = counted();
+    cache_.setLight(device_.light(), scale_, static_cast<double>(emitted_));
+    resolved_ = emitted_;
   }
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
   seconds_ += taken.count();

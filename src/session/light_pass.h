@@ -32,7 +32,7 @@ class LightPass {
   /// Shoots what is missing up to `target` photons in all and resolves. Asks `keepGoing` every few
   /// milliseconds; false if it said no: the light is then as it was, and the next call goes on. The
   /// light depends on the number of photons alone, not on the calls that brought them. Where flux
-  /// is lost with a device as many are shot again, and the light of before stays until then.
+  /// is lost with a device the same are shot again, and the light of before stays until then.
   /// Photons that wait for pages may take a minute: `giveUp`, asked by all threads meanwhile, ends
   /// it as keepGoing does.
   bool run(std::uint64_t target, const std::function<bool()>& keepGoing,
@@ -56,8 +56,6 @@ class LightPass {
  private:
   std::uint64_t boundary() const;
   bool shoot(std::uint64_t count, const std::function<bool()>& giveUp);
-  /// Photons whose flux the device has.
-  std::uint64_t counted() const { return emitted_ - lost_; }
   bool noticeLoss();
 
   const Scene& scene_;
@@ -69,13 +67,13 @@ class LightPass {
   bool rayBounces_;
   double scale_ = 1.0, unit_ = 1.0, seconds_ = 0.0;
   std::uint64_t emitted_ = 0, landed_ = 0, wanted_ = 0;
-  std::uint64_t lost_ = 0;               ///< of the emitted: their flux went with a device
   int losses_ = 0;                       ///< GRayTracer::fluxLosses() of before
   std::uint64_t resolved_ = 0;           ///< photons that the cache knows of
   std::uint64_t chunk_ = 1u << 11;       ///< photons that take some milliseconds here
   std::vector<LandedPhoton> unlearned_;  ///< of the batch under way
   ImportanceMap importance_;
   std::vector<EmissionGuide> guides_;  ///< by source; none if nothing is to be guided
+  std::vector<EmissionGuide> hints_;   ///< guides before they learn from photons
 };
 
 }  // namespace trex
