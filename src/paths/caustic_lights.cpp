@@ -197,6 +197,7 @@ struct CausticLights::Photon : Walk {
   ClearPath clear;
   RangeOnTheWay range{kInfinity};
   bool bent = false, blurred = false;
+  float way = 0.0f;         ///< metres since it was bent last
   std::uint32_t turns = 1;  ///< as Scene::maxBounces counts, that where it is seen among them
   int bounces = 0;
 };
@@ -231,7 +232,7 @@ struct CausticLights::Photons {
       const bool bent = photon.bent || !photon.clear.straight(photon.direction);
       if (counts && bent && isFinite(photon.power)) {
         land(CausticPhoton{vec3(surface.position), bsdf.geometricNormal(), -photon.direction,
-                           photon.power * photon.range.factor(), photon.blurred});
+                           photon.power * photon.range.factor(), photon.blurred, photon.way});
       }
       if (!scatter(photon, sampler, surface, bsdf)) return false;
     }
@@ -243,6 +244,7 @@ struct CausticLights::Photons {
   void arrive(Photon& photon, float distance) const {
     const Media* const media = of.rays_.media();
     photon.range.advance(distance);
+    photon.way += distance;
     if (photon.absorption != vec3(0.0f)) photon.power *= glm::exp(-photon.absorption * distance);
     if (media == nullptr) return;
     photon.power *= media->transmittance(photon.start.position, photon.direction, distance);
@@ -258,9 +260,11 @@ bool CausticLights::Photons::scatter(Photon& photon, Sampler& sampler, const Sur
   photon.blurred |= !next.delta;
   if (!next.delta || !next.transmitted || !ClearLayers::clear(bsdf)) {
     photon.bent = true;
+    photon.way = 0.0f;
     photon.power *= photon.range.end();
     if (++photon.turns > of.scene_.maxBounces) return false;
   } else if (bsdf.refracts()) {
+    photon.way = 0.0f;
     if (!photon.clear.begun()) photon.clear.begin(photon.direction, 0.0f);
     photon.clear.refract(bsdf.normal(), bsdf.eta(), next.direction);
   }

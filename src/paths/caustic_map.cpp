@@ -12,7 +12,10 @@ namespace {
 constexpr float kSameFacing = 0.7f;  // cosine of normals from which on photons lie on one surface
 constexpr float kOffPlane = 0.3f;    // of the radius: farther off the tangent plane is another one
 constexpr float kWidest = 0.1f;      // of the scene's radius
-constexpr float kGrazing = 1e-3f;    // cosine
+/// Radii over the way from where light was bent last: it does not stay the same along a surface for
+/// much longer than that (what lands beneath a chair's tube is not seen beside it).
+constexpr float kOfWay = 2.0f;
+constexpr float kGrazing = 1e-3f;  // cosine
 
 /// Epanechnikov's, over a disk.
 float kernel(float distance2, float radius) {
@@ -75,7 +78,9 @@ struct Probes {
 
 bool Probes::begin(Probe& walk, Sampler& sampler) const {
   Spot& spot = spots[walk.number];
-  spot.level = widths.level(photons[walk.number], sampler.next2D());
+  const CausticPhoton& photon = photons[walk.number];
+  spot.level =
+      std::min(widths.level(photon, sampler.next2D()), widths.levelWithin(kOfWay * photon.way));
   if (spot.level == 0) walk.asks = Probe::Asks::kShare;
   look(walk, sampler);
   return true;
@@ -187,6 +192,12 @@ std::uint32_t CausticWidths::level(const CausticPhoton& photon, vec2 u) const {
     if (at != counts_[level].end() && at->second >= leastInCell()) return level;
   }
   return kLevels - 1;
+}
+
+std::uint32_t CausticWidths::levelWithin(float most) const {
+  std::uint32_t level = kLevels - 1;
+  while (level > 0 && radius(level) > most) --level;
+  return level;
 }
 
 CausticMap::CausticMap(std::span<const CausticPhoton> photons, const CausticWidths& widths,

@@ -33,6 +33,7 @@ struct CausticPhoton {
   vec3 towards;           ///< unit, where it came from
   vec3 power;             ///< W, over the number of photons of its map
   bool blurred;           ///< by a sharp lobe that is no delta
+  float way;              ///< metres from where it was last bent
 };
 
 /// How wide the first densities are taken, by place: so that there are some photons in each. Made
@@ -48,6 +49,8 @@ class CausticWidths {
   /// along the surface, so that widths change from place to place without seams.
   std::uint32_t level(const CausticPhoton& photon, vec2 u) const;
   float radius(std::uint32_t level) const;
+  /// The widest whose radius is no more than this, if any is, else the narrowest.
+  std::uint32_t levelWithin(float most) const;
 
  private:
   std::uint64_t key(const vec3& position, std::uint32_t level) const;

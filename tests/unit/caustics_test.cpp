@@ -234,6 +234,23 @@ TEST(Caustics, PhotonsAreAimedAtSmallMirrors) {
   EXPECT_NEAR(power / (cut * 5.0 * 4e-4 * 0.95 / (distance2 * std::sqrt(distance2))), 1.0, 0.05);
 }
 
+/// A low mirror throws light on a strip of floor before it, a hundredth of all that is bent.
+/// However few photons that is, none of it is seen farther away.
+TEST(Caustics, LightOfNearMirrorsStaysThere) {
+  Scene scene = floorFrom(0.5f, 0.2f, 0.2f);
+  scene.materials.push_back(mirror());
+  for (const vec2& wall : {vec2(0.0f, 0.02f), vec2(-3.9f, 2.0f)}) {  // its x, and how high it is
+    Mesh mesh;
+    mesh.material = 1;
+    mesh.positions = {vec3(wall.x, 0.0f, -4.0f), vec3(wall.x, 0.0f, 4.0f),
+                      vec3(wall.x, wall.y, 4.0f), vec3(wall.x, wall.y, -4.0f)};
+    mesh.triangles = {{0, 2, 1}, {0, 3, 2}};
+    test::place(scene, mesh);
+  }
+  scene.lights = {test::sun(glm::normalize(vec3(-1.0f, -1.0f, 0.0f)), 1.0f)};
+  EXPECT_NEAR(irradiance(scene, 8).x * std::sqrt(2.0f), 1.0f, 1e-3f);
+}
+
 /// The guess's photons end where their light does, behind a pane too.
 TEST(Caustics, PhotonsKeepToTheRangeOfTheirLight) {
   for (const bool behindPane : {false, true}) {
@@ -278,7 +295,7 @@ TEST_P(EdgesOfDisks, LoseNoLight) {
   const vec3 up(0.0f, 1.0f, 0.0f);
   for (std::uint32_t i = 0; i < kCount; ++i) {
     const vec2 u = 2.0f * Sampler(7, i, 0).next2D() - 1.0f;
-    photons.push_back({half * vec3(u.x, 0.0f, u.y), up, up, vec3(1.0f / kCount), false});
+    photons.push_back({half * vec3(u.x, 0.0f, u.y), up, up, vec3(1.0f / kCount), false, kInfinity});
   }
   const CausticWidths widths(photons, 1.0f, 1e9);  // the widest: 0.1 m
   const CausticMap map(photons, widths, 1.0f, WalkTracer(rays));
