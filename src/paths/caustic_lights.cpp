@@ -228,7 +228,7 @@ struct CausticLights::Photons {
     if (bsdf.coverage() < 1.0f && sampler.next1D() >= bsdf.coverage()) {
       photon.start = surface.leave();
     } else {
-      const bool counts = photon.blurred ? bsdf.hasBroad() : !bsdf.onlyDelta();
+      const bool counts = landsOn(bsdf, photon.blurred);
       const bool bent = photon.bent || !photon.clear.straight(photon.direction);
       if (counts && bent && isFinite(photon.power)) {
         land(CausticPhoton{vec3(surface.position), bsdf.geometricNormal(), -photon.direction,

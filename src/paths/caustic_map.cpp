@@ -36,8 +36,9 @@ struct Spot {
   float gain = 1.0f;
 };
 
-/// A probe looks at a random point of a photon's disk: what its kernel brings there to a surface,
-/// over what it would bring to a plane. Nothing beyond an edge.
+/// A probe looks along the normal at a random point of a photon's disk: what its kernel brings
+/// there to surfaces that take it, over what it would bring to a plane. Nothing beyond an edge, nor
+/// on a tube of metal that lies in the disk.
 ///
 /// First probes halve a disk until one finds something. Then the gain is 1 over the share s of the
 /// kernel that finds surfaces. Of n points in it and one more that does, n + 1 over those that do
@@ -59,6 +60,7 @@ struct Probes {
   using Found = FindsNothing;
   static constexpr int kLayers = 8, kPoints = 3, kMostPoints = 64;
 
+  const Scene& scene;
   std::span<const CausticPhoton> photons;
   const CausticWidths& widths;
   float shrink;
@@ -66,13 +68,14 @@ struct Probes {
 
   Sampler sampler(std::uint32_t walk) const { return Sampler(0x73706f74u, walk, 0); }
   bool begin(Probe& walk, Sampler& sampler) const;
-  static void await(const Surface&) {}
+  void await(const Surface& surface) const { prefetchTextures(scene, surface); }
   bool advance(Probe& walk, Sampler& sampler, const WalkEnd& end,
                WalkFindings<FindsNothing>&) const;
 
  private:
   void look(Probe& walk, Sampler& sampler) const;
-  bool pass(Probe& walk, const WalkEnd& end, float& brings) const;
+  bool near(const Probe& walk, const Surface& surface) const;
+  float brings(const Probe& walk, const Surface& surface) const;
   bool goesOn(Probe& walk, float brings) const;
 };
 
@@ -106,27 +109,38 @@ void Probes::look(Probe& walk, Sampler& sampler) const {
 
 bool Probes::advance(Probe& walk, Sampler& sampler, const WalkEnd& end,
                      WalkFindings<FindsNothing>&) const {
-  float brings = 0.0f;
-  if (end.met() && pass(walk, end, brings)) return true;
-  if (!goesOn(walk, brings)) return false;
+  float brought = 0.0f;
+  if (end.met() && !near(walk, end.surface)) {
+    walk.start = end.surface.leave();
+    walk.end -= end.distance;
+    if (++walk.layers < kLayers) return true;
+  } else if (end.met()) {
+    brought = brings(walk, end.surface);
+  }
+  if (!goesOn(walk, brought)) return false;
   look(walk, sampler);
   return true;
 }
 
-/// Whether the probe goes on behind a surface that is another one; else what it brings.
-bool Probes::pass(Probe& walk, const WalkEnd& end, float& brings) const {
+/// Whether a surface is where light of the photon may be; what lies farther down is in its shade.
+bool Probes::near(const Probe& walk, const Surface& surface) const {
   const CausticPhoton& photon = photons[walk.number];
-  const Surface& surface = end.surface;
+  const vec3 off = vec3(surface.position) - photon.position;
+  return std::abs(glm::dot(off, photon.normal)) <= kOffPlane * walk.radius;
+}
+
+/// What the kernel brings to that surface: nothing where photons of its light would not land.
+float Probes::brings(const Probe& walk, const Surface& surface) const {
+  const CausticPhoton& photon = photons[walk.number];
   const vec3 point(surface.position), off = point - photon.position;
-  if (sameSurface(photon, point, surface.geometricNormal, walk.radius)) {
-    const float cosine = std::abs(glm::dot(surface.geometricNormal, photon.normal));
-    brings = kernel(glm::dot(off, off), walk.radius) /
-             (kernel(walk.away * walk.away, walk.radius) * cosine);
-    return false;
-  }
-  walk.start = surface.leave();
-  walk.end -= end.distance;
-  return ++walk.layers < kLayers;
+  const vec3& normal = surface.geometricNormal;
+  if (!sameSurface(photon, point, normal, walk.radius)) return 0.0f;
+  if (glm::dot(normal, walk.direction) * glm::dot(normal, photon.towards) >= 0.0f) return 0.0f;
+  const Bsdf bsdf(scene, surface, -walk.direction);
+  if (bsdf.unlit() || !landsOn(bsdf, photon.blurred)) return 0.0f;
+  const float cosine = std::abs(glm::dot(normal, photon.normal));
+  return bsdf.coverage() * kernel(glm::dot(off, off), walk.radius) /
+         (kernel(walk.away * walk.away, walk.radius) * cosine);
 }
 
 /// Whether another probe is wanted, and for what.
@@ -200,10 +214,10 @@ std::uint32_t CausticWidths::levelWithin(float most) const {
   return level;
 }
 
-CausticMap::CausticMap(std::span<const CausticPhoton> photons, const CausticWidths& widths,
-                       float shrink, const WalkTracer& walks) {
+CausticMap::CausticMap(const Scene& scene, std::span<const CausticPhoton> photons,
+                       const CausticWidths& widths, float shrink, const WalkTracer& walks) {
   std::vector<Spot> spots(photons.size());
-  const Probes probes{photons, widths, shrink, spots};
+  const Probes probes{scene, photons, widths, shrink, spots};
   walks.follow(probes, static_cast<std::uint32_t>(photons.size()));
   std::array<std::vector<CausticPhoton>, CausticWidths::kLevels> byLevel;
   for (std::size_t i = 0; i < photons.size(); ++i) {

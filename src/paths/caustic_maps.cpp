@@ -47,7 +47,7 @@ SampleCaustics CausticMaps::make(std::uint32_t sample) {
     auto photons = lights_->shoot(set, std::uint64_t{sample} * count, count);
     for (CausticPhoton& p : photons) p.power /= static_cast<float>(count);
     shot_ += count;
-    return std::make_unique<const CausticMap>(photons, *widths_,
+    return std::make_unique<const CausticMap>(scene_, photons, *widths_,
                                               static_cast<float>(std::sqrt(square)), walks_);
   };
   return {sample, map(kSeen, photonsOfMap()), map(kLater, photonsOfMap() / kSparser)};

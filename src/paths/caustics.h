@@ -36,6 +36,11 @@ struct CausticPhoton {
   float way;              ///< metres from where it was last bent
 };
 
+/// Whether a surface that light comes to is one where photons land; `blurred` as of a photon.
+inline bool landsOn(const Bsdf& bsdf, bool blurred) {
+  return blurred ? bsdf.hasBroad() : !bsdf.onlyDelta();
+}
+
 /// How wide the first densities are taken, by place: so that there are some photons in each. Made
 /// of photons that no map has. Immutable, so thread safe.
 class CausticWidths {
@@ -67,8 +72,8 @@ class CausticMap {
  public:
   /// Each photon is spread over a disk of the width at its place times `shrink`, or of a smaller
   /// one by chance where the disk hangs over edges, as far as there are surfaces in it.
-  CausticMap(std::span<const CausticPhoton> photons, const CausticWidths& widths, float shrink,
-             const WalkTracer& walks);
+  CausticMap(const Scene& scene, std::span<const CausticPhoton> photons,
+             const CausticWidths& widths, float shrink, const WalkTracer& walks);
   /// Radiance that leaves the surface towards the eye of the Bsdf by its broad lobes and, if asked
   /// for, by sharp ones of light that deltas alone have bent.
   vec3 radiance(const Surface& surface, const Bsdf& bsdf, bool sharpToo) const;

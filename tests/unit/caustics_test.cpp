@@ -279,6 +279,31 @@ TEST(Caustics, PhotonsKeepToTheRangeOfTheirLight) {
   }
 }
 
+/// Mean radiosity, 1/m^2, at these points (of a number in [0, 1)^2, evenly), seen from above, by
+/// photons of 1 W in all that have landed there.
+template <typename Points>
+double taken(const Scene& scene, const Points& points, bool blurred) {
+  constexpr std::uint32_t kCount = 4096;
+  const RayScene rays(scene);
+  const vec3 up(0.0f, 1.0f, 0.0f);
+  std::vector<CausticPhoton> photons;
+  for (std::uint32_t i = 0; i < kCount; ++i) {
+    photons.push_back(
+        {points(Sampler(7, i, 0).next2D()), up, up, vec3(1.0f / kCount), blurred, kInfinity});
+  }
+  const CausticWidths widths(photons, 1.0f, 1e9);  // the widest: 0.1 m
+  const CausticMap map(scene, photons, widths, 1.0f, WalkTracer(rays));
+  double sum = 0.0;
+  for (std::uint32_t i = 0; i < kCount; ++i) {
+    const vec3 from = points((vec2(i % 64, i / 64) + 0.5f) / 64.0f);
+    RayHit hit;
+    EXPECT_TRUE(rays.intersect(from + 1e-4f * up, -up, 0.0f, kInfinity, hit));
+    const Surface surface = rays.surface(hit);
+    sum += static_cast<double>(map.radiance(surface, Bsdf(scene, surface, up), true).x);
+  }
+  return sum * kPi / kCount;
+}
+
 /// Tiles and ribbons narrower than the photons' disks take all of their light.
 class EdgesOfDisks : public testing::TestWithParam<vec2> {};
 
@@ -289,32 +314,50 @@ TEST_P(EdgesOfDisks, LoseNoLight) {
   Mesh tile = test::sheet(1.0f, 0.0f, 0);
   for (vec3& p : tile.positions) p *= half;
   test::place(scene, tile);
-  const RayScene rays(scene);
-  constexpr std::uint32_t kCount = 4096, kAcross = 64;
-  std::vector<CausticPhoton> photons;
-  const vec3 up(0.0f, 1.0f, 0.0f);
-  for (std::uint32_t i = 0; i < kCount; ++i) {
-    const vec2 u = 2.0f * Sampler(7, i, 0).next2D() - 1.0f;
-    photons.push_back({half * vec3(u.x, 0.0f, u.y), up, up, vec3(1.0f / kCount), false, kInfinity});
-  }
-  const CausticWidths widths(photons, 1.0f, 1e9);  // the widest: 0.1 m
-  const CausticMap map(photons, widths, 1.0f, WalkTracer(rays));
-  double sum = 0.0;
-  for (std::uint32_t i = 0; i < kAcross * kAcross; ++i) {
-    const vec2 at = (vec2(i % kAcross, i / kAcross) + 0.5f) * (2.0f / kAcross) - 1.0f;
-    RayHit hit;
-    ASSERT_TRUE(rays.intersect(half * vec3(at.x, 0.0f, at.y) + up, -up, 0.0f, kInfinity, hit));
-    const Surface surface = rays.surface(hit);
-    sum += static_cast<double>(map.radiance(surface, Bsdf(scene, surface, up), true).x);
-  }
-  const double area = 4.0 * double(half.x) * double(half.z);
-  EXPECT_NEAR(sum * kPi * area / (kAcross * kAcross), 1.0, 0.03);
+  const auto points = [&](vec2 u) {
+    return half * vec3(2.0f * u.x - 1.0f, 0.0f, 2.0f * u.y - 1.0f);
+  };
+  EXPECT_NEAR(taken(scene, points, false) * 4.0 * double(half.x) * double(half.z), 1.0, 0.03);
 }
 
 INSTANTIATE_TEST_SUITE_P(Caustics, EdgesOfDisks,
                          testing::Values(vec2(0.2f, 0.2f), vec2(0.05f, 0.05f), vec2(0.01f, 0.01f),
                                          vec2(0.5f, 0.01f), vec2(0.5f, 0.002f),
                                          vec2(0.001f, 0.001f)));
+
+/// Strips of metal between those of the tile take no photon, so the others take all; of photons
+/// that are not blurred rough metal takes its part.
+TEST(Caustics, DisksLoseNoLightToMetal) {
+  constexpr float kStrip = 0.02f;
+  Scene scene;
+  scene.materials = {test::lambert(1.0f), mirror(), mirror()};
+  scene.materials[2].roughness = 0.3f;
+  for (const std::uint32_t metal : {1u, 2u}) {
+    scene.meshes.clear();
+    scene.instances.clear();
+    for (int i = -10; i < 10; ++i) {
+      Mesh strip = test::sheet(0.5f * kStrip, 0.0f, i % 2 == 0 ? 0 : metal);
+      for (vec3& p : strip.positions)
+        p = vec3(p.x + (static_cast<float>(i) + 0.5f) * kStrip, 0, 20.0f * p.z);
+      test::place(scene, strip);
+    }
+    const auto points = [&](vec2 u) {
+      const float at = u.x * 10.0f, strip = std::min(std::floor(at), 9.0f);
+      return vec3((2.0f * strip - 10.0f + at - strip) * kStrip, 0.0f, 0.4f * u.y - 0.2f);
+    };
+    EXPECT_NEAR(taken(scene, points, true) * 0.4 * 10.0 * double(kStrip), 1.0, 0.03) << metal;
+  }
+}
+
+/// A sheet of paper on a desk: what the desk beneath it takes is not missing on the paper.
+TEST(Caustics, DisksKeepTheirLightOnWhatIsSeen) {
+  Scene scene;
+  scene.materials = {test::lambert(1.0f)};
+  test::place(scene, test::sheet(0.2f, 0.0f, 0));
+  test::place(scene, test::sheet(0.2f, -0.001f, 0));
+  const auto points = [](vec2 u) { return vec3(0.4f * u.x - 0.2f, 0.0f, 0.4f * u.y - 0.2f); };
+  EXPECT_NEAR(taken(scene, points, false) * 0.16, 1.0, 0.03);
+}
 
 TEST(Caustics, MapsDependOnNothingButTheirNumber) {
   Scene scene = floorFrom(0.3f, 0.0f, 1.0f);

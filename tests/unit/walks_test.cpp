@@ -71,7 +71,7 @@ Found follow(const Scene& scene, const WalkTracer& walks) {
   out.caustics = caustics.shoot(1, 50, kPhotons);
   const CausticWidths widths(out.caustics, caustics.sceneRadius(), 6.0);
   out.radiance =
-      radianceOf(scene, rays, CausticMap(out.caustics, widths, 0.9f, walks), out.caustics);
+      radianceOf(scene, rays, CausticMap(scene, out.caustics, widths, 0.9f, walks), out.caustics);
   return out;
 }
 
