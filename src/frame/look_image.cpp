@@ -21,8 +21,8 @@ bool differ(const FeaturePart& a, const FeaturePart& b) {
 }  // namespace
 
 bool LookImage::varied(std::uint32_t x, std::uint32_t y) const {
+  if (several(x, y)) return true;
   const FeaturePart& own = shown_.most(x, y);
-  if (own.count != static_cast<float>(count(x, y))) return true;  // several, or glass
   const auto other = [&](std::uint32_t u, std::uint32_t v) {
     return counts_[index(u, v)] > 0 &&
            (shown_.rest(u, v).count > 0.0f || differ(own, shown_.most(u, v)));

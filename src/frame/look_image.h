@@ -36,14 +36,21 @@ class LookImage {
   /// one whose texture or light of its own varies. Of known pixels.
   bool varied(std::uint32_t x, std::uint32_t y) const;
   /// Whether look `number`, above 0, is wanted: it is the next of a pixel where that tells more.
+  /// Textures are worth four, rims and glass as many as there are.
   bool wants(std::uint32_t x, std::uint32_t y, std::uint32_t number) const {
-    return count(x, y) == number && (number > 1 || varied(x, y));
+    if (count(x, y) != number) return false;
+    return number == 1 ? varied(x, y) : number < kOfTextures || several(x, y);
+  }
+  /// Whether a pixel shows several surfaces so far, or one side of glass.
+  bool several(std::uint32_t x, std::uint32_t y) const {
+    return shown_.most(x, y).count != static_cast<float>(count(x, y));
   }
   /// Means over the numbers of each pixel, in two parts; FeaturePart::light is the own light. Of
   /// known pixels.
   const FeatureImage& shown() const { return shown_; }
 
  private:
+  static constexpr std::uint32_t kOfTextures = 4;
   std::size_t index(std::uint32_t x, std::uint32_t y) const {
     return std::size_t{y} * shown_.width() + x;
   }

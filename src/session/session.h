@@ -195,7 +195,7 @@ class Session {
   void restoreCheckpoint(CheckpointReader& reader);
 
  private:
-  static constexpr std::uint32_t kLooks = 4;  ///< rounds of them, of the viewer's frames
+  static constexpr std::uint32_t kLooks = LookImage::kMost;  ///< of the viewer's frames
 
   SessionState state() const;
   void perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer);

@@ -57,7 +57,16 @@ TEST(LookImage, AsksForMoreWhereThatTellsMore) {
   EXPECT_TRUE(looks.varied(1, 0)) << "beside them";
   LookImage glass(1, 1);
   glass.add(0, 0, 0, wall(0.5f), vec3(0.0f), 1.9f);
-  EXPECT_TRUE(glass.varied(0, 0)) << "one side of glass";
+  EXPECT_TRUE(glass.wants(0, 0, 1)) << "one side of glass";
+  // A texture is worth four looks, a rim all.
+  LookImage both(3, 1);
+  for (std::uint32_t number = 0; number < LookImage::kMost; ++number) {
+    EXPECT_EQ(number == 0 || both.wants(0, 0, number), number < 4) << number;
+    EXPECT_TRUE(number == 0 || both.wants(2, 0, number)) << number;
+    both.add(0, 0, number, wall(number % 2 == 0 ? 0.2f : 0.6f), vec3(0.0f));
+    both.add(1, 0, number, wall(0.9f), vec3(0.0f));
+    both.add(2, 0, number, wall(0.5f, number % 2 == 0), vec3(0.0f));
+  }
 }
 
 }  // namespace
