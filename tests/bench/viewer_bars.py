@@ -35,9 +35,12 @@ parser.add_argument("--scenes", default=",".join(SCENES))
 parser.add_argument("--device", default="auto")
 parser.add_argument("--sizes", default="1280x720,640x360", help="of the windows of 'window'")
 parser.add_argument("--reference", type=float, default=16, help="samples of the picture that 'window' compares with")
+parser.add_argument("--samples", help="'window' after so many samples a pixel instead, such as 0.25,1: on a busy machine")
 parser.add_argument("--out", help="folder that gets the screenshots of 'window'")
 options = parser.parse_args()
 SHARED = os.environ.get("TREX_SHARED", os.path.join(ROOT, "../shared"))
+MARKS = tuple(map(float, options.samples.split(","))) if options.samples else WINDOW_SECONDS
+UNIT = " samples" if options.samples else " s"
 TRANSIENT = tempfile.TemporaryDirectory(prefix="trex-viewer-bars-")
 
 
@@ -147,14 +150,15 @@ def window_of(name, size):
     folder = os.path.abspath(options.out or TRANSIENT.name)
     os.makedirs(folder, exist_ok=True)
     shot = lambda i: os.path.join(folder, f"{name}-{size}-{i}.png")
-    steps = [{"wait": "ready"}, {"exposure": 0.5, "seconds": 3}, {"camera": {"look": [0.12, 0.03]}}]
-    for i, seconds in enumerate(WINDOW_SECONDS):
-        before = WINDOW_SECONDS[i - 1] if i > 0 else 0
-        steps.append({"seconds": seconds - before, "screenshot": shot(seconds)})
+    before = {"samples": 1} if options.samples else {"seconds": 3}
+    steps = [{"wait": "ready"}, {"exposure": 0.5, **before}, {"camera": {"look": [0.12, 0.03]}}]
+    for last, mark in zip((0, *MARKS), MARKS):
+        steps.append({"samples": mark} if options.samples else {"seconds": mark - last})
+        steps[-1]["screenshot"] = shot(mark)
     report = replay(scene(name), steps + [{"samples": options.reference, "screenshot": shot("last")}], size=size)
     picture = lambda i: numpy.asarray(Image.open(shot(i)).convert("RGB"), dtype=numpy.float32) / 255
-    errors = [flip_evaluator.evaluate(picture("last"), picture(seconds), "LDR")[1] for seconds in WINDOW_SECONDS]
-    samples = report["steps"][2 + len(WINDOW_SECONDS)]["samples_per_pixel"]
+    errors = [flip_evaluator.evaluate(picture("last"), picture(mark), "LDR")[1] for mark in MARKS]
+    samples = report["steps"][2 + len(MARKS)]["samples_per_pixel"]
     print(f"| {name} | {size} | {report['steps'][2]['first_coarse_ms']:.0f} | {' | '.join(f'{e:.3f}' for e in errors)} | "
           f"{samples:.2f} |", flush=True)
 
@@ -189,7 +193,7 @@ def main():
                   [name for name in names if name != "cornell"], opening)
         if "window" in only:
             table("FLIP after a turn of the camera (bars: 0.15 after 1 s, 0.08 after 4 s; coarse frame 67 ms, 33 at 640x360)",
-                  ("scene", "window", "coarse, ms", *(f"{s} s" for s in WINDOW_SECONDS), "samples by then"), names, window)
+                  ("scene", "window", "coarse, ms", *(f"{m}{UNIT}" for m in MARKS), "samples by then"), names, window)
         if "idle" in only:
             table("Idle (bar: 5 % of a core)", ("scene", "cores"), names, idle)
     finally:
