@@ -2,11 +2,10 @@
 //
 //   kSweep       captures: every tile one more sample, from the centre outwards
 //   kPerception  the viewer: first a coarse frame of every tile (1, 4, ... 16 cells of the lattice
-//   of
-//                frame/lattice.h; if that is asked for, after 1 a look at what every second pixel
-//                shows, after 4 at the others, after all another one at edges and textures), then
-//                the tile where one more sample gains most: near the pointer, noisy or rich in
-//                contrast, with few samples. A share of each frame goes to the tiles served
+//                of frame/lattice.h). If looks are asked for: after 1 cell at every second pixel,
+//                after 4 at the others, then once more at edges and textures; after 16 the rest of
+//                these. Then the tile where one more sample gains most: near the pointer, noisy or
+//                rich in contrast, with few samples. A share of each frame goes to the tiles served
 //                longest ago, so that none waits longer than kMostFrames.
 //
 // No tile passes the barrier before all have reached it: the light may change there.
