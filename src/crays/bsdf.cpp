@@ -381,8 +381,11 @@ bool Bsdf::sampleTransmission(Sampler& sampler, BsdfSample& out) const {
 }
 
 bool Bsdf::sample(Sampler& sampler, BsdfSample& out) const {
+  return sample(sampler, sampler.next1D(), out);
+}
+
+bool Bsdf::sample(Sampler& sampler, float choice, BsdfSample& out) const {
   out = BsdfSample{};
-  float choice = sampler.next1D();
   bool found = false;
   if (finished_) {
     if (choice < lobes_.coat) return sampleCoat(sampler, out);

@@ -63,6 +63,9 @@ class Bsdf {
   BsdfValue value(const vec3& incoming, LobeKind kind = LobeKind::kAll) const;
   /// False if the sampled path ends (absorbed or below the surface).
   bool sample(Sampler& sampler, BsdfSample& out) const;
+  /// The same with a given choice of lobe, [0, 1): where showsBothSides() 0 is what is in front,
+  /// anything from 1 - shareBehind() on what is behind.
+  bool sample(Sampler& sampler, float choice, BsdfSample& out) const;
   /// Settles by which kind of lobe a sampled direction goes on, where both may: its weight is then
   /// that kind's alone. True: the sharp one. Not for deltas.
   bool goesOnSharp(Sampler& sampler, BsdfSample& sampled) const;
@@ -93,6 +96,13 @@ class Bsdf {
   bool showsOthers() const { return showsOthers_; }
   /// True if sample() has no choice between lobes.
   bool oneLobe() const { return lobes_.specular == 1.0f || lobes_.transmission == 1.0f; }
+  /// Whether such a surface shows what is in front of it and what is behind.
+  bool showsBothSides() const {
+    return showsOthers_ && lobes_.specular > 0.0f && lobes_.transmission > 0.0f &&
+           lobes_.coat == 0.0f;
+  }
+  /// Then: how often sample() chooses what is behind.
+  float shareBehind() const { return lobes_.transmission; }
   /// Reflectance that a cache of irradiance can serve: the diffuse albedo plus that of the broad
   /// part of the specular lobe. [0, 1].
   vec3 cachedAlbedo() const;

@@ -47,9 +47,10 @@ struct FeaturePart {
   vec3 light{0.0f}, spread{0.0f};
   float count = 0.0f;
 
-  void add(const Feature& f, const vec3& ofLight) {
-    count += 1.0f;
-    const float weight = 1.0f / count;
+  /// A sample, or one that counts as `of` samples.
+  void add(const Feature& f, const vec3& ofLight, float of = 1.0f) {
+    count += of;
+    const float weight = of / count;
     mean.albedo += (f.albedo - mean.albedo) * weight;
     mean.normal += (f.normal - mean.normal) * weight;
     mean.position += (f.position - mean.position) * weight;
@@ -57,11 +58,11 @@ struct FeaturePart {
     mean.black += (f.black - mean.black) * weight;
     const vec3 delta = ofLight - light;  // Welford's recurrence
     light += delta * weight;
-    spread += delta * (ofLight - light);
+    spread += delta * (ofLight - light) * of;
   }
-  /// Takes in samples of another pixel, if they show the same surface: their light, as if the
-  /// surface's albedo were `albedo` there too.
-  void join(const FeaturePart& other, const vec3& albedo);
+  /// Takes in samples of another pixel, if they show the same surface: their light, and the albedo
+  /// that it is of. The place stays.
+  void join(const FeaturePart& other);
   /// Unbiased variance of the mean light; 0 below two samples.
   vec3 variance() const { return spread / std::max(count * (count - 1.0f), 1.0f); }
   /// Whether its light is that of a surface which scatters some.
@@ -82,13 +83,13 @@ struct FeaturePart {
   }
 };
 
-inline void FeaturePart::join(const FeaturePart& other, const vec3& albedo) {
+inline void FeaturePart::join(const FeaturePart& other) {
   if (other.count == 0.0f || !shows(other.mean)) return;
-  const vec3 scale = albedo / guideAlbedo(other.mean.albedo), theirs = other.light * scale;
-  const float all = count + other.count;
-  const vec3 delta = theirs - light;  // [Chan, Golub, LeVeque 1983]
-  light += delta * (other.count / all);
-  spread += other.spread * scale * scale + delta * delta * (count * other.count / all);
+  const float all = count + other.count, share = other.count / all;
+  const vec3 delta = other.light - light;  // [Chan, Golub, LeVeque 1983]
+  light += delta * share;
+  spread += other.spread + delta * delta * (count * share);
+  mean.albedo += (other.mean.albedo - mean.albedo) * share;
   count = all;
 }
 
@@ -100,9 +101,10 @@ class FeatureImage {
       : width_(width), height_(height), pixels_(std::size_t{width} * height) {}
 
   /// `light`: of the sample, without what is seen of emitters (PathSample::own).
-  void add(std::uint32_t x, std::uint32_t y, const Feature& f, const vec3& light = vec3(0.0f)) {
+  void add(std::uint32_t x, std::uint32_t y, const Feature& f, const vec3& light = vec3(0.0f),
+           float of = 1.0f) {
     auto& [most, rest] = pixels_[index(x, y)];
-    (most.count == 0.0f || most.shows(f) ? most : rest).add(f, light);
+    (most.count == 0.0f || most.shows(f) ? most : rest).add(f, light, of);
     if (rest.count > most.count) std::swap(most, rest);
   }
   /// Adds to the mean light of each surface of a pixel.
@@ -112,13 +114,6 @@ class FeatureImage {
     rest.light += light;
   }
   void restart(std::uint32_t x, std::uint32_t y) { pixels_[index(x, y)] = {}; }
-  /// What a pixel without samples shows, and the light that it sends out itself: that of most(),
-  /// whose count is 0, until restart().
-  void look(std::uint32_t x, std::uint32_t y, const Feature& f, const vec3& own) {
-    FeaturePart& most = (pixels_[index(x, y)] = {}).most;
-    most.mean = f;
-    most.light = own;
-  }
   /// A pixel that shows one surface.
   void put(std::uint32_t x, std::uint32_t y, const FeaturePart& part) {
     pixels_[index(x, y)] = {part, {}};

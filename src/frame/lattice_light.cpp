@@ -14,8 +14,8 @@ constexpr int kAround = 2;                   // lattice pixels, where the neares
 }  // namespace
 
 LatticeLight::LatticeLight(const FeatureImage& lattice, const std::vector<vec3>& light,
-                           const FeatureImage& all, std::uint32_t step)
-    : all_(all), step_(step), columns_(lattice.width()), rows_(lattice.height()) {
+                           const FeatureImage& all, std::uint32_t step, std::uint32_t stride)
+    : all_(all), step_(step), stride_(stride), columns_(lattice.width()), rows_(lattice.height()) {
   lattice_.resize(light.size());
   tbb::parallel_for(0u, rows_, [&](std::uint32_t y) {
     for (std::uint32_t x = 0; x < columns_; ++x) {
@@ -26,7 +26,8 @@ LatticeLight::LatticeLight(const FeatureImage& lattice, const std::vector<vec3>&
       lattice_[i].light = light[i] / guideAlbedo(f.albedo);
     }
   });
-  out_.resize(std::size_t{all.width()} * all.height());
+  out_.resize(std::size_t{(all.width() + stride - 1) / stride} *
+              ((all.height() + stride - 1) / stride));
 }
 
 LatticeLight::Known LatticeLight::known(const Feature& f) const {
@@ -94,12 +95,14 @@ vec3 LatticeLight::lightAt(std::uint32_t x, std::uint32_t y) const {
 }
 
 bool LatticeLight::advance(const std::function<bool()>& keepGoing) {
-  const std::uint32_t width = all_.width(), height = all_.height();
+  const std::uint32_t width = (all_.width() + stride_ - 1) / stride_,
+                      height = (all_.height() + stride_ - 1) / stride_;
   const std::uint32_t band = std::max(kBandPixels / width, 1u) * 2;
   while (row_ < height) {
     const std::uint32_t end = std::min(row_ + band, height);
     tbb::parallel_for(row_, end, [&](std::uint32_t y) {
-      for (std::uint32_t x = 0; x < width; ++x) out_[std::size_t{y} * width + x] = lightAt(x, y);
+      for (std::uint32_t x = 0; x < width; ++x)
+        out_[std::size_t{y} * width + x] = lightAt(x * stride_, y * stride_);
     });
     row_ = end;
     if (row_ < height && !keepGoing()) return false;

@@ -16,14 +16,14 @@ namespace trex {
 class LatticeLight {
  public:
   /// `lattice`: what every step-th pixel of every step-th row of `all` shows most, one surface
-  /// each. `light`: its filtered light, row by row, texture included; finite. `all`: features of
-  /// the frame, where every pixel has a sample or a look; it must outlive this, and may get samples
-  /// meanwhile.
+  /// each. `light`: its filtered light, row by row, texture included; finite. `all`: what pixels
+  /// show, of which every `stride`-th of every `stride`-th row is known and wanted; it must outlive
+  /// this, and may learn more meanwhile.
   LatticeLight(const FeatureImage& lattice, const std::vector<vec3>& light, const FeatureImage& all,
-               std::uint32_t step);
+               std::uint32_t step, std::uint32_t stride = 1);
   /// As GuessFilter::advance().
   bool advance(const std::function<bool()>& keepGoing);
-  /// Row by row, of all pixels. Once, after advance() has returned true.
+  /// Row by row, of the pixels that are wanted. Once, after advance() has returned true.
   std::vector<vec3> result() { return std::move(out_); }
 
  private:
@@ -37,7 +37,7 @@ class LatticeLight {
   vec3 lightAt(std::uint32_t x, std::uint32_t y) const;
 
   const FeatureImage& all_;
-  std::uint32_t step_, columns_, rows_;
+  std::uint32_t step_, stride_, columns_, rows_;
   std::vector<Known> lattice_;
   std::vector<vec3> out_;
   std::uint32_t row_ = 0;

@@ -11,6 +11,9 @@ namespace trex {
 /// A sample to take: number `sample` of pixel (x, y). `paired` asks for X as well; without a cache
 /// X is all there is and goes to `common`.
 /// A look ends where it knows its `feature`: its `common` is what is seen of emitters up to there.
+/// It leaves nothing to chance at glass: at the first face of it even numbers see what is seen
+/// most, behind it or in it, odd ones the other; at the second each second number of both does;
+/// after that all see what is seen most. PathSample::weight says in what proportion.
 struct PathJob {
   std::uint32_t x, y, sample;
   bool paired = false;
@@ -30,6 +33,7 @@ struct PathSample {
   /// 1 where the camera's ray meets a surface, glass included; of a blended or masked one the share
   /// of samples that it stops. Else the opacity of the media on its way to the background.
   float alpha = 1.0f;
+  float weight = 1.0f;  ///< of a look; of four in a row the mean is 1
 };
 
 /// Rays by class, for the report.

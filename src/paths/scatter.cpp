@@ -9,8 +9,21 @@
 namespace trex {
 namespace {
 
-constexpr int kRouletteFrom = 3;   // bounces before Russian roulette may end a path
-constexpr int kMostBounces = 256;  // a backstop: roulette ends paths long before
+constexpr int kRouletteFrom = 3;      // bounces before Russian roulette may end a path
+constexpr int kMostBounces = 256;     // a backstop: roulette ends paths long before
+constexpr int kMostSeenThrough = 32;  // likewise of looks, which know no roulette
+
+constexpr std::uint8_t kChoices = 2;  // of looks, both ways: a pane's two faces
+
+/// The choice of a look at a surface that shows both of its sides.
+float sideToSee(WavePath& path) {
+  const float behind = path.bsdf->shareBehind();
+  const bool other = path.choices < kChoices && ((path.number >> path.choices) & 1u) != 0;
+  const bool seesBehind = (behind >= 0.5f) != other;
+  if (path.choices < kChoices) path.sample->weight *= 2.0f * (seesBehind ? behind : 1.0f - behind);
+  ++path.choices;
+  return seesBehind ? 1.0f - 0x1p-24f : 0.0f;
+}
 
 }  // namespace
 
@@ -40,7 +53,9 @@ void PathTracer::scatter(Wave& wave) const {
 bool PathTracer::scatter(WavePath& path) const {
   const Bsdf& bsdf = *path.bsdf;
   BsdfSample next;
-  if (++path.bounces >= kMostBounces || !bsdf.sample(path.sampler, next)) return false;
+  if (++path.bounces >= (path.look ? kMostSeenThrough : kMostBounces)) return false;
+  const float choice = path.look && bsdf.showsBothSides() ? sideToSee(path) : path.sampler.next1D();
+  if (!bsdf.sample(path.sampler, choice, next)) return false;
   if (path.caustics != nullptr && !next.delta) {
     path.spread |= !bsdf.goesOnSharp(path.sampler, next);
   }
@@ -63,7 +78,7 @@ bool PathTracer::scatterPlain(WavePath& path, const Wave& wave,
 bool PathTracer::goOn(WavePath& path, const BsdfSample& next, const Turning& how) const {
   path.throughput *= next.weight;
   path.roulette *= next.etaSquared;
-  if (path.bounces >= kRouletteFrom) {
+  if (path.bounces >= kRouletteFrom && !path.look) {
     // The square root costs a tenth more rays and takes more than that of the noise.
     const float survival =
         std::min(0.95f, std::sqrt(maxComponent(path.throughput) * path.roulette));

@@ -86,6 +86,7 @@ struct WavePath : PathState {
   const LightConnection* emitter = nullptr;
   Fate fate = Fate::kEnds;
   bool coneVertex = false;
+  std::uint8_t choices = 0;  ///< of a look: surfaces so far that showed two things
 
   WavePath(const PathState& state, const Sampler& numbers)
       : PathState(state), sampler(numbers), points{{vertex, vertexNormal}, vec3(0.0f)} {}

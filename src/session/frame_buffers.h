@@ -7,6 +7,7 @@
 #include "src/frame/features.h"
 #include "src/frame/layers.h"
 #include "src/frame/light_memory.h"
+#include "src/frame/look_image.h"
 #include "src/session/dial.h"
 #include "src/session/scheduler.h"
 
@@ -22,9 +23,10 @@ struct FrameBuffers {
   std::unique_ptr<CoverageImage> coverage;
   std::unique_ptr<FirstHitImage> firstHits;
   std::unique_ptr<RayClassImage> rayClasses;
-  /// Of the viewer; outlives restart().
-  std::unique_ptr<LightMemory> memory;
-  std::unique_ptr<Dial> dial;  ///< null where the share of pairs is given
+  // Of the viewer, of frames of one view together:
+  std::shared_ptr<LookImage> looks;
+  std::shared_ptr<LightMemory> memory;  ///< outlives restart()
+  std::unique_ptr<Dial> dial;           ///< null where the share of pairs is given
   TileScheduler tiles;
 
   FrameBuffers(std::uint32_t width, std::uint32_t height, bool pairs, bool filtered,
@@ -40,10 +42,18 @@ struct FrameBuffers {
     if (layers.rayClass) rayClasses = std::make_unique<RayClassImage>(width, height);
   }
 
-  void restart() {
-    tiles.restart();
+  /// `other`: a frame of the same view, whose looks go on being this one's.
+  void restart(const FrameBuffers* other = nullptr) {
+    tiles.restart(other != nullptr ? &other->tiles : nullptr);
+    if (looks && other == nullptr) looks->restart();
     sums.restart();
     if (dial) dial->restart();
+  }
+  /// Shares what another frame of the same view knows of it; null: knows nothing.
+  void showAs(const FrameBuffers* other, std::uint32_t rounds) {
+    looks = other != nullptr ? other->looks : nullptr;
+    memory = other != nullptr ? other->memory : nullptr;
+    tiles.setLooks(looks ? rounds : 0);
   }
   void restart(std::uint32_t x, std::uint32_t y) {
     sums.restart(x, y);

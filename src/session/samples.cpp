@@ -35,12 +35,13 @@ constexpr std::size_t kLargestUnit = 64 * 64;  // pixels of a tile
 constexpr std::uint32_t kLeastBatch = 256, kLargestBatch = 1u << 16;
 constexpr std::uint32_t kLooksOfASample = 8;  // that cost about as much
 
-/// The pixels of a unit.
-void addJobs(const Tile& tile, const TileUnit& unit, SampleBatch& batch) {
+/// The pixels of a unit of a frame. `looks`: what is known of them; null if nothing is kept.
+void addJobs(const Tile& tile, const TileUnit& unit, const LookImage* looks, SampleBatch& batch) {
   if (!unit.look && (unit.endCell == lattice::kCells || lattice::spacing(unit.endCell) > 0)) {
     batch.finishedTiles.push_back(unit.tile);
   }
-  if (unit.firstCell == 0 && unit.endCell == lattice::kCells) {
+  const bool again = looks != nullptr && unit.look && unit.sample > 0;
+  if (!unit.look && unit.firstCell == 0 && unit.endCell == lattice::kCells) {
     for (std::uint32_t y = 0; y < tile.height; ++y) {
       for (std::uint32_t x = 0; x < tile.width; ++x) {
         batch.jobs.push_back({tile.x + x, tile.y + y, unit.sample});
@@ -53,6 +54,7 @@ void addJobs(const Tile& tile, const TileUnit& unit, SampleBatch& batch) {
       for (std::uint32_t cell = unit.firstCell; cell < unit.endCell; ++cell) {
         const lattice::Place at = lattice::kPlaces[cell];
         if (x + at.x >= tile.width || y + at.y >= tile.height) continue;
+        if (again && !looks->wants(tile.x + x + at.x, tile.y + y + at.y, unit.sample)) continue;
         batch.jobs.push_back({.x = tile.x + x + at.x,
                               .y = tile.y + y + at.y,
                               .sample = unit.sample,
@@ -106,6 +108,7 @@ void addSample(FrameBuffers& frame, std::uint32_t x, std::uint32_t y, std::uint3
   if (frame.features && finite) {
     frame.features->add(x, y, p.feature, p.light);
     if (frame.memory) frame.memory->add(p.feature, p.light);
+    if (frame.looks && sample > 0) frame.looks->add(x, y, sample, p.feature, p.guess - p.light);
   }
   if (frame.coverage) frame.coverage->add(x, y, p.alpha);
   if (frame.firstHits) frame.firstHits->add(x, y, sample, p.first);
@@ -120,7 +123,8 @@ void addJob(FrameBuffers& frame, const SampleBatch& batch, std::size_t i) {
   const PathJob& job = batch.jobs[i];
   if (job.look) {
     const PathSample& p = batch.paths[i];
-    frame.features->look(job.x, job.y, p.feature, isFinite(p.common) ? p.common : vec3(0.0f));
+    frame.looks->add(job.x, job.y, job.sample, p.feature,
+                     isFinite(p.common) ? p.common : vec3(0.0f), p.weight);
     return;
   }
   addSample(frame, job.x, job.y, job.sample, takenOf(batch, i));
@@ -204,7 +208,7 @@ bool SampleTaker::fill(FrameBuffers& frame, std::size_t wanted, SampleBatch& bat
   while (costOf(batch) < wanted) {
     const auto unit = frame.tiles.next();
     if (!unit) return false;
-    addJobs(frame.tiles.tiles()[unit->tile], *unit, batch);
+    addJobs(frame.tiles.tiles()[unit->tile], *unit, frame.looks.get(), batch);
   }
   return true;
 }
@@ -351,7 +355,7 @@ bool SampleTaker::takeUnits(const FrameBuffers& frame, const SampleSource& sourc
     SampleBatch& batch = batches[i % 2];
     while (next < units.size() && batch.jobs.size() < most) {
       const TileUnit& unit = units[next++];
-      addJobs(frame.tiles.tiles()[unit.tile], unit, batch);
+      addJobs(frame.tiles.tiles()[unit.tile], unit, nullptr, batch);
     }
     whole = keepGoing() && trace(frame, source, light, batch, true);
     if (!whole) batch.jobs.clear();

@@ -14,8 +14,11 @@ namespace {
 
 /// The coarse frame fills 1, 4, 8, 12, 16 cells: small passes, so that no tile waits long.
 constexpr std::uint32_t kCoarse = 16;
-/// Cells after which the pixels that are left out are looked at: there is a picture to go on with.
-constexpr std::uint32_t kLookedAfter = 4;
+/// Cells after which every second pixel is looked at, and the others: what there is then of light
+/// is worth showing with sharper edges than its own.
+constexpr std::uint8_t kFirstRounds = 2;
+constexpr std::uint32_t kLookedAfter[kFirstRounds] = {1, 4};
+constexpr std::uint32_t kLookCells[kFirstRounds + 1] = {0, 16, kCells};
 
 }  // namespace
 
@@ -47,13 +50,17 @@ bool TileScheduler::sampled(std::uint32_t x, std::uint32_t y) const {
   return s.sample > 0 || lattice::cellAt(x, y) < s.cells;
 }
 
-bool TileScheduler::looked() const {
-  return std::all_of(states_.begin(), states_.end(),
-                     [](const TileState& s) { return s.looked || s.sample > 0; });
+std::uint32_t TileScheduler::lookSpacing() const {
+  std::uint8_t least = kFirstRounds;
+  for (const TileState& s : states_) least = std::min(least, s.looks);
+  return least == 0 ? 0 : least < kFirstRounds ? 2 : 1;
 }
 
-void TileScheduler::restart() {
-  for (TileState& s : states_) s = {0, 0, frame_, 1.0f};
+void TileScheduler::restart(const TileScheduler* other) {
+  for (std::size_t i = 0; i < states_.size(); ++i) {
+    const std::uint8_t looks = other != nullptr ? other->states_[i].looks : std::uint8_t{0};
+    states_[i] = {.served = frame_, .looks = looks};
+  }
   sweepSample_ = sweepTile_ = coarseNext_ = 0;
   coarse_ = 1;
 }
@@ -116,6 +123,7 @@ void TileScheduler::beginFrame(vec2 pointer, std::uint32_t unitPixels) {
 std::optional<TileUnit> TileScheduler::next() {
   if (order_ == Order::kSweep) return nextOfSweep();
   if (auto unit = nextCoarse()) return unit;
+  if (auto unit = nextLookAgain(looks_)) return unit;
   if (auto unit = nextStarved()) return unit;
   return nextBest();
 }
@@ -150,23 +158,44 @@ std::optional<TileUnit> TileScheduler::nextCoarse() {
       const std::uint32_t i = nearest_[coarseNext_];
       if (states_[i].sample == 0 && states_[i].cells < coarse_) return take(i, coarse_);
     }
-    if (coarse_ == kLookedAfter) {
-      if (auto look = nextLook()) return look;
+    for (std::uint8_t round = 0; round < kFirstRounds; ++round) {
+      if (coarse_ != kLookedAfter[round]) continue;
+      if (auto look = nextLook(round)) return look;
     }
+    // One round of further looks is worth more than the rest of the coarse frame, all are not.
+    if (auto look = nextLookAgain(kFirstRounds + 1)) return look;
   }
   return {};
 }
 
-/// Tiles that no pixel beyond those of the coarse frame has been looked at of.
-std::optional<TileUnit> TileScheduler::nextLook() {
-  if (!looks_) return {};
+/// Tiles that have had so many rounds of looks, of the first two.
+std::optional<TileUnit> TileScheduler::nextLook(std::uint8_t round) {
+  if (looks_ == 0) return {};
   for (const std::uint32_t i : nearest_) {
     TileState& s = states_[i];
-    if (s.looked || s.sample > 0) continue;
-    s.looked = true;
-    return TileUnit{.tile = i, .firstCell = s.cells, .endCell = kCells, .look = true};
+    if (s.looks != round) continue;
+    ++s.looks;
+    s.lookFrame = frame_;
+    return TileUnit{
+        .tile = i, .firstCell = kLookCells[round], .endCell = kLookCells[round + 1], .look = true};
   }
   return {};
+}
+
+/// Round after round. What a tile showed is known in the frame after its last one.
+std::optional<TileUnit> TileScheduler::nextLookAgain(std::uint32_t rounds) {
+  rounds = std::min(rounds, looks_);
+  std::optional<std::uint32_t> next;
+  for (const std::uint32_t i : nearest_) {
+    const TileState& s = states_[i];
+    if (s.looks < kFirstRounds || s.looks >= rounds || s.lookFrame == frame_) continue;
+    if (!next || s.looks < states_[*next].looks) next = i;
+  }
+  if (!next) return {};
+  TileState& s = states_[*next];
+  s.lookFrame = frame_;
+  const std::uint32_t number = s.looks++ - kFirstRounds + 1u;
+  return TileUnit{.tile = *next, .sample = number, .endCell = kCells, .look = true};
 }
 
 std::optional<TileUnit> TileScheduler::nextStarved() {

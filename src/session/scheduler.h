@@ -2,9 +2,9 @@
 //
 //   kSweep       captures: every tile one more sample, from the centre outwards
 //   kPerception  the viewer: first a coarse frame of every tile (1, 4, ... 16 cells of the lattice
-//   of
-//                frame/lattice.h; after 4, if that is asked for, a look at what all other pixels
-//                show), then the tile where one more sample gains most: near the pointer, noisy or
+//                of frame/lattice.h). If looks are asked for: after 1 cell at every second pixel,
+//                after 4 at the others, then once more at edges and textures; after 16 the rest of
+//                these. Then the tile where one more sample gains most: near the pointer, noisy or
 //                rich in contrast, with few samples. A share of each frame goes to the tiles served
 //                longest ago, so that none waits longer than kMostFrames.
 //
@@ -20,7 +20,8 @@
 
 namespace trex {
 
-/// Cells [firstCell, endCell) of a tile get sample number `sample`, or are looked at.
+/// Cells [firstCell, endCell) of a tile get sample number `sample`, or are looked at; from the
+/// second look on, those of them where that tells more.
 struct TileUnit {
   std::uint32_t tile = 0, sample = 0, firstCell = 0, endCell = 0;
   bool look = false;
@@ -29,9 +30,10 @@ struct TileUnit {
 /// What a tile has so far: `sample` whole samples and `cells` cells of the next one.
 struct TileState {
   std::uint32_t sample = 0, cells = 0;
-  std::uint32_t served = 0;  ///< frame in which it last got anything
-  float error = 1.0f;        ///< of noise and contrast as it is now, relative
-  bool looked = false;       ///< what its pixels without samples show is known
+  std::uint32_t served = 0;     ///< frame in which it last got anything
+  float error = 1.0f;           ///< of noise and contrast as it is now, relative
+  std::uint8_t looks = 0;       ///< rounds of them: see TileScheduler::setLooks()
+  std::uint32_t lookFrame = 0;  ///< frame of the last one
   double progress() const { return sample + cells / 64.0; }
 };
 
@@ -43,8 +45,8 @@ class TileScheduler {
   /// `tiles` in the order of a sweep.
   TileScheduler(std::vector<Tile> tiles, Order order, std::uint32_t width, std::uint32_t height);
 
-  /// Every tile starts anew.
-  void restart();
+  /// Every tile starts anew, but for looks that those of `other` have, if it isn't null.
+  void restart(const TileScheduler* other = nullptr);
   /// Goes on with a sweep: `samples` whole samples of all tiles and one more of the first `tiles`.
   void restore(std::uint32_t samples, std::uint32_t tiles);
   /// No tile gets this sample or a later one.
@@ -57,8 +59,9 @@ class TileScheduler {
   /// What to do next; it counts as done. Nothing if every tile stands at the barrier.
   std::optional<TileUnit> next();
   void setError(std::uint32_t tile, float error) { states_[tile].error = error; }
-  /// Whether coarse frames look at the pixels that they leave out.
-  void setLooks(bool looks) { looks_ = looks; }
+  /// So many looks at a pixel; 0: none. The first round of a tile is at every second pixel of every
+  /// second row, the next at the others, those after that a further look each where it tells more.
+  void setLooks(std::uint32_t most) { looks_ = most == 0 ? 0 : most + 1; }
 
   const std::vector<Tile>& tiles() const { return tiles_; }
   const TileState& state(std::uint32_t tile) const { return states_[tile]; }
@@ -70,8 +73,8 @@ class TileScheduler {
   std::uint32_t spacingAt(std::uint32_t x, std::uint32_t y) const;
   /// Whether a pixel has a sample.
   bool sampled(std::uint32_t x, std::uint32_t y) const;
-  /// Whether it is known of every pixel what it shows, by samples or by looks.
-  bool looked() const;
+  /// Spacing of the pixels that have been looked at in every tile: 2, 1; 0: none has.
+  std::uint32_t lookSpacing() const;
   /// Samples that every tile has whole.
   std::uint32_t samplesDone() const;
   /// Tiles of a sweep that have one more.
@@ -88,7 +91,8 @@ class TileScheduler {
   TileUnit take(std::uint32_t tile, std::uint32_t endCell);
   std::optional<TileUnit> nextOfSweep();
   std::optional<TileUnit> nextCoarse();
-  std::optional<TileUnit> nextLook();
+  std::optional<TileUnit> nextLook(std::uint8_t round);
+  std::optional<TileUnit> nextLookAgain(std::uint32_t rounds);
   std::optional<TileUnit> nextStarved();
   std::optional<TileUnit> nextBest();
   double gain(std::uint32_t tile) const;
@@ -106,7 +110,7 @@ class TileScheduler {
   std::uint32_t barrier_ = 0xffffffffu;
   std::uint32_t sweepSample_ = 0, sweepTile_ = 0;  ///< of a sweep: what comes next
   std::uint32_t coarse_ = 1, coarseNext_ = 0;      ///< level under way, place in nearest_
-  bool looks_ = false;
+  std::uint32_t looks_ = 0;
   std::uint32_t frame_ = 0, starvedLeft_ = 0, unitPixels_ = 4096;
 };
 

@@ -146,7 +146,7 @@ void Session::shootPhotons(std::uint64_t photons, const KeepGoing& keepGoing) {
   if (sharer_) sharer_->lightComes(*this, photons);
   const LightCache* before = light_.cache();
   if (!light_.shoot(photons, keepGoing) || !first) return;
-  frame_->restart();
+  frame_->restart(preview_ && preview_->looks ? preview_.get() : nullptr);
   if (light_.cache() != before) makeSources();
 }
 
@@ -201,8 +201,10 @@ void Session::makeFrames() {
   preview_ = make(Order::kPerception, false);
   // Media light what lies behind them, so that no look can tell what a pixel shows.
   const bool looks = method_ != DenoiseMethod::kOff && model_->rays->media() == nullptr;
-  frame_->tiles.setLooks(looks);
-  if (looks) frame_->memory = std::make_unique<LightMemory>();
+  if (!looks) return;
+  frame_->looks = std::make_shared<LookImage>(width, height);
+  frame_->memory = std::make_shared<LightMemory>();
+  frame_->tiles.setLooks(kLooks);
 }
 
 void Session::makeCamera() {
@@ -238,8 +240,11 @@ void Session::makeSources() {
   source_ = source(light_.cache(), caustics_.get());
   source_.pairs = source_.tracer->guesses();
   source_.gathers = gathers_.get();
-  // Light of another time serves previews, if there is any.
-  if (preview_) previewSource_ = source(light_.hasLight() ? light_.cache() : nullptr, nullptr);
+  if (!preview_) return;
+  // Light of another time serves previews, if there is any; maps of caustics, where the view is the
+  // frame's, so that their samples tell the same.
+  previewSource_ = source(light_.hasLight() ? light_.cache() : nullptr,
+                          preview_->looks ? caustics_.get() : nullptr);
 }
 
 /// What samples read: cached light, or paths alone where there is none.

@@ -128,7 +128,8 @@ class Session {
   /// Voxels with a device that reads them, made by any thread (makeLightDevice). What was there
   /// before serves previews until photons have been shot.
   void setVoxels(std::shared_ptr<const asvo::Tree> tree, std::unique_ptr<GRayTracer> device);
-  /// Aims photons at the present camera if they were aimed elsewhere; they start anew then.
+  /// Aims photons at the present camera if they were aimed elsewhere; they start anew then. The
+  /// frame so far goes on as the preview until they are there.
   bool aimAgain();
 
   // With other machines, of captures: session_shared.cpp.
@@ -194,6 +195,8 @@ class Session {
   void restoreCheckpoint(CheckpointReader& reader);
 
  private:
+  static constexpr std::uint32_t kLooks = LookImage::kMost;  ///< of the viewer's frames
+
   SessionState state() const;
   void perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer);
   void renewLight();

@@ -1,5 +1,7 @@
 // What the viewer's edits change of a session. Photons start anew by the plan, after the first
 // preview.
+#include <utility>
+
 #include "src/session/session.h"
 
 namespace trex {
@@ -30,6 +32,7 @@ void Session::follow(const Invalidation& what, const Camera& camera) {
 void Session::restartFrames() {
   frame_->restart();
   preview_->restart();
+  preview_->showAs(nullptr, 0);
   goal_.restart();
 }
 
@@ -59,7 +62,12 @@ bool Session::aimAgain() {
   const bool aimed = light_.guided() && !(light_.aim() == view_);
   if (light_.state() != State::kReady || !aimed) return false;
   light_.invalidate(State::kPhotons);
-  restartFrames();
+  // The view is the same: what it has so far is shown, and goes on, until the new light is there.
+  std::swap(frame_, preview_);
+  std::swap(frame_->dial, preview_->dial);
+  frame_->showAs(preview_.get(), kLooks);
+  frame_->restart(preview_.get());
+  goal_.restart();
   makeSources();
   return true;
 }

@@ -95,12 +95,11 @@ FeatureImage thickFeatures(const FrameBuffers& frame, std::uint32_t step) {
     for (std::uint32_t column = 0; column < out.width(); ++column) {
       FeaturePart sum = all.most(column * step, row * step);
       sum.mean.footprint *= static_cast<float>(step);
-      const vec3 albedo = guideAlbedo(sum.mean.albedo);
       for (std::uint32_t i = 0; i < step * step; ++i) {
         const std::uint32_t x = column * step + i % step, y = row * step + i / step;
         if (x >= all.width() || y >= all.height() || !frame.tiles.sampled(x, y)) continue;
-        if (i > 0) sum.join(all.most(x, y), albedo);
-        sum.join(all.rest(x, y), albedo);
+        if (i > 0) sum.join(all.most(x, y));
+        sum.join(all.rest(x, y));
       }
       out.put(column, row, sum);
     }
@@ -196,14 +195,15 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
     return glm::max(sums.guess(x, y).mean() - dvec3(features.light(x, y)), dvec3(0.0));
   };
   if (options.spread) {
-    picture_ = collect(width, height, 1, [&](Pixel x, Pixel y) {
-      return frame.tiles.sampled(x, y) ? unfiltered(x, y) : dvec3(features.light(x, y));
-    });
+    const FeatureImage& looks = frame.looks->shown();
+    picture_ =
+        collect(width, height, options.shown, [&](Pixel x, Pixel y) { return looks.light(x, y); });
+    shown_ = options.shown;
     step_ = std::max(step, kLeastLattice);
     thin_.emplace(thickFeatures(frame, step_));
     if (frame.memory) remember(*frame.memory, *thin_, step_);
     guess_.emplace(*thin_, frame.tiles.meanProgress() * step_ * step_ < kSamplesThatTell);
-    all_ = &features;
+    all_ = &looks;
   } else {
     picture_ = each(unfiltered);
   }
@@ -282,7 +282,7 @@ bool ShownPicture::advance(const std::function<bool()>& keepGoing) {
     if (!guess_->advance(keepGoing)) return false;
     lit_ = guess_->result();
     guess_.reset();
-    if (thin_) spread_.emplace(*thin_, lit_, *all_, step_);
+    if (thin_) spread_.emplace(*thin_, lit_, *all_, step_, shown_);
   }
   if (spread_) {
     if (!spread_->advance(keepGoing)) return false;

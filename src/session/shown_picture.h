@@ -21,10 +21,11 @@ struct ShownOptions {
   /// has none yet that of its lattice before it.
   std::uint32_t spacing = 1;
   /// All of them all the same: the light of that lattice, of every second pixel at least, and of
-  /// what samples there are between, is filtered and spread by what each pixel shows. Those without
-  /// a sample must have a look. Better while samples are few, and pixels many.
+  /// what samples there are between, is filtered and spread by what each pixel shows, as looks know
+  /// it. Better while samples are few, and pixels many.
   bool spread = false;
-  bool keepGuess = false;  ///< guessLight() will be asked for
+  std::uint32_t shown = 1;  ///< then: every so manieth pixel alone, each of which must have a look
+  bool keepGuess = false;   ///< guessLight() will be asked for
 };
 
 /// The light of a whole frame, denoised: `features` are the frame's, or like them. Throws as
@@ -42,7 +43,7 @@ class ShownPicture {
                const ShownOptions& options);
   /// Works until done or keepGoing() says no, asked about every millisecond. True once done.
   bool advance(const std::function<bool()>& keepGoing);
-  /// Once advance() is true: row by row, ceil(width / spacing) wide, or if spread the width.
+  /// Once advance() is true: row by row, ceil(width / spacing) wide, or if spread / shown.
   std::vector<vec3> take() { return std::move(picture_); }
   /// Once advance() is true: what MeasuredCorrection::errorLeft() says;
   /// negative if there are too few pairs to tell.
@@ -69,7 +70,7 @@ class ShownPicture {
   std::optional<FeatureImage> thin_;  ///< of the lattice whose light is spread
   std::optional<LatticeLight> spread_;
   const FeatureImage* all_ = nullptr;  ///< what spread_ is for
-  std::uint32_t step_ = 1;
+  std::uint32_t step_ = 1, shown_ = 1;
   std::optional<MeasuredCorrection> correction_;  ///< what exact paths add
   std::optional<MeasuredCorrection> lost_;        ///< what the guess's denoiser took too much
 };

@@ -86,12 +86,13 @@ void Screen::start(const Session& session) {
   const double progress = progressOf(frame);
   ShownOptions options = session.shownOptions();
   std::uint32_t spacing = lattice::spacing(frame.tiles.coarseCells());
-  options.spread = options.method == DenoiseMethod::kFilter && frame.tiles.looked() &&
+  options.shown = frame.tiles.lookSpacing();
+  options.spread = options.method == DenoiseMethod::kFilter && frame.looks && options.shown > 0 &&
                    frame.tiles.samplesDone() < kSpreadBelow && !session.resting();
   // Where most tiles have more than every second pixel, all that there is is shown.
   if (!options.spread && spacing == 2 && progress >= kMixedFrom) spacing = 1;
-  if (spacing == 0 || (hold_ && spacing > 2 && !options.spread)) return;
-  const std::uint32_t shown = options.spread ? 1 : spacing;
+  if (spacing == 0 || (hold_ && spacing > (options.spread ? 4u : 2u))) return;
+  const std::uint32_t shown = options.spread ? options.shown : spacing;
   const bool finer = spacing_ == 0 || shown < spacing_ || spacing < lattice_;
   const bool more = shown == 1 && progress > progress_ * kRefreshGrowth;
   // What stays on the screen is what a capture would show.

@@ -12,7 +12,8 @@ namespace trex {
 class Screen {
  public:
   /// The frame begins anew: what is shown next is of another generation. `hold`: keep the picture
-  /// until the new one has every second pixel (the light has come); else show the coarsest at once.
+  /// until the new one has every second pixel (the light has come), or every fourth where looks
+  /// know what pixels show; else show the coarsest at once.
   void restart(bool hold);
   /// Takes over the frame as it is, if the next picture of it is due. Before samples are taken, so
   /// that they get what this leaves of a step: milliseconds, in one piece.

@@ -8,8 +8,9 @@
     budget     share of turns within 1.2x of --budget-ms for 16, 33, 100
     open       ms to the first coarse frame of the baked Saturn V, and of an unbaked model
     idle       cores used while converged
-    window     FLIP of screenshots of a window of 1280x720 against one of 16 samples, so many seconds after a turn of the
-               camera (needs flip-evaluator and Pillow; not among those that run unless asked for)
+    window     FLIP of screenshots of a window against one of --reference samples, so many seconds after the coarse frame
+               of a turn of the camera, at 1280x720 and 640x360; --out keeps them (needs flip-evaluator and Pillow; not
+               among those that run unless asked for)
 """
 import argparse
 import json
@@ -23,7 +24,7 @@ import tempfile
 ROOT = os.path.dirname(os.path.dirname(os.path.dirname(os.path.abspath(__file__))))
 OTHERS = {"living-room": "interiors/living-room.glb", "sponza": "interiors/sponza.glb"}
 SCENES = {"cornell": "interiors/cornell.glb", "saturn-v": "cad/saturn-v.glb", "staircase2": "interiors/staircase2.glb"}
-WINDOW_SECONDS = (0.15, 0.5, 1, 2, 4)
+WINDOW_SECONDS = (0.07, 0.5, 1, 2, 4)
 CLASSES = ("camera", "material", "light", "visibility")
 
 parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
@@ -32,8 +33,14 @@ parser.add_argument("--edits", type=int, default=100, help="of each class")
 parser.add_argument("--only", default="response,quality,budget,open,idle")
 parser.add_argument("--scenes", default=",".join(SCENES))
 parser.add_argument("--device", default="auto")
+parser.add_argument("--sizes", default="1280x720,640x360", help="of the windows of 'window'")
+parser.add_argument("--reference", type=float, default=16, help="samples of the picture that 'window' compares with")
+parser.add_argument("--samples", help="'window' after so many samples a pixel instead, such as 0.25,1: on a busy machine")
+parser.add_argument("--out", help="folder that gets the screenshots of 'window'")
 options = parser.parse_args()
 SHARED = os.environ.get("TREX_SHARED", os.path.join(ROOT, "../shared"))
+MARKS = tuple(map(float, options.samples.split(","))) if options.samples else WINDOW_SECONDS
+UNIT = " samples" if options.samples else " s"
 TRANSIENT = tempfile.TemporaryDirectory(prefix="trex-viewer-bars-")
 
 
@@ -131,19 +138,29 @@ def idle(name):
 
 
 def window(name):
+    for size in options.sizes.split(","):
+        window_of(name, size)
+
+
+def window_of(name, size):
     import flip_evaluator
     import numpy
     from PIL import Image
 
-    shot = lambda i: os.path.join(TRANSIENT.name, f"shot-{i}.png")
-    steps = [{"wait": "ready"}, {"exposure": 0.5, "seconds": 3}, {"camera": {"look": [0.12, 0.03]}}]
-    for i, seconds in enumerate(WINDOW_SECONDS):
-        before = WINDOW_SECONDS[i - 1] if i > 0 else 0
-        steps.append({"seconds": seconds - before, "screenshot": shot(i)})
-    report = replay(scene(name), steps + [{"samples": 16, "screenshot": shot("last")}], size="1280x720")
+    folder = os.path.abspath(options.out or TRANSIENT.name)
+    os.makedirs(folder, exist_ok=True)
+    shot = lambda i: os.path.join(folder, f"{name}-{size}-{i}.png")
+    before = {"samples": 1} if options.samples else {"seconds": 3}
+    steps = [{"wait": "ready"}, {"exposure": 0.5, **before}, {"camera": {"look": [0.12, 0.03]}}]
+    for last, mark in zip((0, *MARKS), MARKS):
+        steps.append({"samples": mark} if options.samples else {"seconds": mark - last})
+        steps[-1]["screenshot"] = shot(mark)
+    report = replay(scene(name), steps + [{"samples": options.reference, "screenshot": shot("last")}], size=size)
     picture = lambda i: numpy.asarray(Image.open(shot(i)).convert("RGB"), dtype=numpy.float32) / 255
-    errors = [flip_evaluator.evaluate(picture("last"), picture(i), "LDR")[1] for i in range(len(WINDOW_SECONDS))]
-    print(f"| {name} | {report['steps'][2]['first_coarse_ms']:.0f} | {' | '.join(f'{e:.3f}' for e in errors)} |", flush=True)
+    errors = [flip_evaluator.evaluate(picture("last"), picture(mark), "LDR")[1] for mark in MARKS]
+    samples = report["steps"][2 + len(MARKS)]["samples_per_pixel"]
+    print(f"| {name} | {size} | {report['steps'][2]['first_coarse_ms']:.0f} | {' | '.join(f'{e:.3f}' for e in errors)} | "
+          f"{samples:.2f} |", flush=True)
 
 
 def table(title, columns, names, row):
@@ -175,8 +192,8 @@ def main():
             table("Opening, ms (bars: 1000 baked, 3000 source)", ("scene", "from", "first coarse", "ready"),
                   [name for name in names if name != "cornell"], opening)
         if "window" in only:
-            table("FLIP after a turn of the camera (bars: 0.15 after 1 s, 0.08 after 4 s)",
-                  ("scene", "coarse, ms", *(f"{s} s" for s in WINDOW_SECONDS)), names, window)
+            table("FLIP after a turn of the camera (bars: 0.15 after 1 s, 0.08 after 4 s; coarse frame 67 ms, 33 at 640x360)",
+                  ("scene", "window", "coarse, ms", *(f"{m}{UNIT}" for m in MARKS), "samples by then"), names, window)
         if "idle" in only:
             table("Idle (bar: 5 % of a core)", ("scene", "cores"), names, idle)
     finally:

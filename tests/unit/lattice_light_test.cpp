@@ -34,7 +34,7 @@ TEST(LatticeLight, HasTheEdgesAndTheTextureOfEveryPixel) {
   for (const std::uint32_t step : {2u, 4u}) {
     FeatureImage all(kWidth, kHeight);
     for (std::uint32_t y = 0; y < kHeight; ++y) {
-      for (std::uint32_t x = 0; x < kWidth; ++x) all.look(x, y, at(x, y), vec3(0.0f));
+      for (std::uint32_t x = 0; x < kWidth; ++x) all.add(x, y, at(x, y));
     }
     FeatureImage lattice((kWidth + step - 1) / step, (kHeight + step - 1) / step);
     std::vector<vec3> lit;
@@ -63,13 +63,22 @@ TEST(LatticeLight, HasTheEdgesAndTheTextureOfEveryPixel) {
         for (int c = 0; c < 3; ++c) EXPECT_NEAR(is[c], right[c], 0.05f * right[c]) << x << ' ' << y;
       }
     }
+    LatticeLight thin(lattice, lit, all, step, 2);
+    EXPECT_TRUE(thin.advance([] { return true; }));
+    const std::vector<vec3> second = thin.result();
+    constexpr std::uint32_t kColumns = (kWidth + 1) / 2;
+    ASSERT_EQ(second.size(), std::size_t{kColumns} * ((kHeight + 1) / 2));
+    for (std::size_t i = 0; i < second.size(); ++i) {
+      const std::size_t x = i % kColumns * 2, y = i / kColumns * 2;
+      EXPECT_EQ(second[i], got[y * kWidth + x]);
+    }
   }
 }
 
 TEST(LatticeLight, APictureOfOnePixel) {
   FeatureImage all(1, 1), lattice(1, 1);
   const Feature f = at(3, 5);
-  all.look(0, 0, f, vec3(0.0f));
+  all.add(0, 0, f);
   lattice.add(0, 0, f);
   LatticeLight spread(lattice, {vec3(2.0f) * f.albedo}, all, 2);
   EXPECT_TRUE(spread.advance([] { return false; }));
@@ -82,19 +91,21 @@ TEST(FeaturePart, JoinsSamplesOfTheSameSurface) {
   const float values[] = {0.3f, 1.2f, 0.7f, 2.0f, 0.1f};
   FeaturePart one, two, all, wall;
   for (int i = 0; i < 5; ++i) {
-    (i < 2 ? one : two).add(i < 2 ? f : texel, values[i] * (i < 2 ? f : texel).albedo);
-    all.add(f, values[i] * f.albedo);
+    const Feature& shown = i < 2 ? f : texel;
+    (i < 2 ? one : two).add(shown, values[i] * shown.albedo);
+    all.add(shown, values[i] * shown.albedo);
   }
   wall.add(other, vec3(9.0f));
-  one.join(two, f.albedo);
-  one.join(wall, f.albedo);
-  one.join(FeaturePart{}, f.albedo);
+  one.join(two);
+  one.join(wall);
+  one.join(FeaturePart{});
   EXPECT_EQ(one.count, 5.0f);
   for (int c = 0; c < 3; ++c) {
     EXPECT_NEAR(one.light[c], all.light[c], 1e-6f);
     EXPECT_NEAR(one.variance()[c], all.variance()[c], 1e-6f);
+    EXPECT_NEAR(one.mean.albedo[c], all.mean.albedo[c], 1e-6f);
   }
-  EXPECT_EQ(one.mean.albedo, f.albedo);
+  EXPECT_EQ(one.mean.position, f.position);
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include "src/frame/estimator.h"
 #include "src/paths/walk_tracer.h"
+#include "tests/unit/glass_scenes.h"
 #include "tests/unit/scenes.h"
 
 namespace trex {
@@ -57,7 +58,8 @@ Scene roomOfEverything() {
   return scene;
 }
 
-/// A look knows what a sample knows of its surface, and of light what is seen of emitters alone.
+/// A look knows what a sample knows of its surface, but at glass, where it leaves nothing to
+/// chance, and of light what is seen of emitters alone.
 TEST(PathTracer, LooksShowWhatSamplesShow) {
   Scene scene = roomOfEverything();
   scene.materials.push_back(test::lambert(0.0f, 2.0f));
@@ -86,18 +88,63 @@ TEST(PathTracer, LooksShowWhatSamplesShow) {
   const auto seen = trace(looks, ofLooks), taken = trace(samples, ofSamples);
   EXPECT_EQ(ofLooks.shadowRays, 0u);
   EXPECT_LT(2 * ofLooks.cRays, ofSamples.cRays);
-  int bright = 0, same = 0;
+  int bright = 0, same = 0, all = 0;
   for (std::size_t i = 0; i < seen.size(); ++i) {
     const Feature &a = seen[i].feature, &b = taken[i].feature;
-    // The random numbers of glass and layers are other ones where light was sampled before.
-    same += a.albedo == b.albedo && a.normal == b.normal && a.position == b.position &&
-            a.footprint == b.footprint && a.black == b.black;
+    if (seen[i].weight == 1.0f) ++all;
+    // The random numbers of layers are other ones where light was sampled before.
+    same += seen[i].weight == 1.0f && a.albedo == b.albedo && a.normal == b.normal &&
+            a.position == b.position && a.footprint == b.footprint && a.black == b.black;
     if (taken[i].own == vec3(0.0f)) continue;
     ++bright;
     EXPECT_EQ(seen[i].common, taken[i].own);
   }
   EXPECT_GT(bright, 4);
-  EXPECT_GT(same, static_cast<int>(seen.size() * 9 / 10));
+  EXPECT_GT(all, static_cast<int>(seen.size() / 3));
+  EXPECT_GT(same, all * 9 / 10);
+}
+
+/// Looks through a pane of glass show both of its sides in the proportion of many samples: the
+/// first one alone what most of them show, in every pixel, so that there is no grain.
+TEST(PathTracer, LooksLeaveNothingToChanceAtGlass) {
+  Scene scene;
+  scene.materials = {test::lambert(0.5f), test::glass(true)};
+  test::place(scene, test::sheet(9.0f, -1.0f, 0));
+  test::place(scene, test::sheet(9.0f, 3.0f, 0));
+  test::place(scene, test::pane(2.0f, 0.0f, 0.01f, 1));
+  scene.cameras = {test::lookAt(dvec3(0.0, 1.0, 1.5), dvec3(0.0), 0.3f)};
+  const RayScene rays(scene);
+  const LightSet lights(scene, rays);
+  const CameraRays camera(scene.cameras.front(), rays.renderOrigin(), kSide, kSide);
+  const PathTracer tracer(scene, rays, lights, camera, GuessOptions{}, 5);
+  const auto behind = [&](const PathSample& p) {
+    return static_cast<double>(p.feature.position.y) + rays.renderOrigin().y < 0.0;
+  };
+  double seen = 0.0, all = 0.0, taken = 0.0, samples = 0.0;
+  constexpr std::uint32_t kSamples = 64;
+  for (std::uint32_t i = 0; i < kSide * kSide; ++i) {
+    for (std::uint32_t number = 0; number < 4; ++number) {
+      const PathSample p =
+          tracer.sample({.x = i % kSide, .y = i / kSide, .sample = number, .look = true}, kSide);
+      EXPECT_NE(p.feature.normal, vec3(0.0f));
+      EXPECT_TRUE(number > 0 || behind(p));
+      all += static_cast<double>(p.weight);
+      if (behind(p)) seen += static_cast<double>(p.weight);
+    }
+    for (std::uint32_t number = 0; number < kSamples; ++number) {
+      const PathSample p = tracer.sample({.x = i % kSide, .y = i / kSide, .sample = number}, kSide);
+      EXPECT_EQ(p.weight, 1.0f);
+      if (p.feature.normal == vec3(0.0f)) continue;  // ended by roulette
+      samples += 1.0;
+      taken += behind(p);
+    }
+  }
+  constexpr double kPixels = double{kSide} * kSide;
+  EXPECT_NEAR(all, 4.0 * kPixels, 0.02 * kPixels);
+  EXPECT_GT(samples, 0.99 * kSamples * kPixels);
+  EXPECT_GT(taken, 0.7 * samples);
+  EXPECT_LT(taken, 0.95 * samples);
+  EXPECT_NEAR(seen / all, taken / samples, 0.01);
 }
 
 /// What a sample is does not depend on what is traced along with it: alone, in waves that are not

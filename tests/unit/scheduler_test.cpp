@@ -127,41 +127,61 @@ TEST(TileScheduler, ACoarseFrameOfAllTilesComesBeforeAnythingElse) {
   EXPECT_EQ(s.spacingAt(0, 0), 0u);
 }
 
-/// Of a frame that asks for it every pixel is known after four cells: by a sample, or by one look.
-TEST(TileScheduler, LooksAtWhatTheCoarseFrameLeavesOut) {
-  constexpr std::uint32_t kWide = 200, kHigh = 136;
+/// Of a frame that asks for it every second pixel is looked at after one cell, the others after
+/// four, and then each tile once more where it is varied, before the other rounds.
+TEST(TileScheduler, LooksAtWhatPixelsShow) {
+  constexpr std::uint32_t kWide = 200, kHigh = 136, kMost = 3;
   TileScheduler s = make(TileScheduler::Order::kPerception, kWide, kHigh);
-  s.setLooks(true);
+  s.setLooks(kMost);
+  const auto tiles = static_cast<std::uint32_t>(s.tiles().size());
   for (int again = 0; again < 2; ++again) {
     s.restart();
-    s.beginFrame(vec2(0.5f), 512);
+    EXPECT_EQ(s.lookSpacing(), 0u);
     std::vector<int> known(std::size_t{kWide} * kHigh);
-    bool samples = true;
-    for (std::size_t units = 0; !s.looked(); ++units) {
-      ASSERT_LT(units, 3 * s.tiles().size()) << "one, four, looks";
-      const auto unit = s.next();
-      ASSERT_TRUE(unit.has_value());
-      EXPECT_TRUE(samples || unit->look) << "looks come all together";
-      samples = !unit->look;
-      const Tile& t = s.tiles()[unit->tile];
-      for (std::uint32_t y = t.y; y < t.y + t.height; ++y) {
-        for (std::uint32_t x = t.x; x < t.x + t.width; ++x) {
-          const std::uint32_t cell = lattice::cellAt(x, y);
-          if (cell < unit->firstCell || cell >= unit->endCell) continue;
-          ++known[std::size_t{y} * kWide + x];
-          EXPECT_EQ(s.sampled(x, y), !unit->look);
+    std::uint32_t furtherLooks = 0;
+    while (s.samplesDone() < 2) {
+      s.beginFrame(vec2(0.5f), 512);
+      for (std::uint32_t units = 0; units < tiles; ++units) {
+        const auto unit = s.next();
+        ASSERT_TRUE(unit.has_value());
+        if (!unit->look) {
+          EXPECT_TRUE(unit->endCell <= 1 || s.lookSpacing() > 0);
+          EXPECT_TRUE(unit->endCell <= 4 || s.lookSpacing() == 1);
+          continue;
+        }
+        if (unit->sample > 0) {
+          ++furtherLooks;
+          EXPECT_EQ(s.lookSpacing(), 1u);
+          EXPECT_TRUE(unit->sample == 1 || s.coarseCells() >= 16);
+          EXPECT_EQ(unit->firstCell, 0u);
+          EXPECT_EQ(unit->endCell, lattice::kCells);
+          continue;
+        }
+        const Tile& t = s.tiles()[unit->tile];
+        for (std::uint32_t y = t.y; y < t.y + t.height; ++y) {
+          for (std::uint32_t x = t.x; x < t.x + t.width; ++x) {
+            const std::uint32_t cell = lattice::cellAt(x, y);
+            known[std::size_t{y} * kWide + x] += cell >= unit->firstCell && cell < unit->endCell;
+          }
+        }
+        if (s.lookSpacing() == 2) {
+          for (std::uint32_t y = 0; y < kHigh; y += 2) {
+            for (std::uint32_t x = 0; x < kWide; x += 2)
+              ASSERT_EQ(known[std::size_t{y} * kWide + x], 1);
+          }
         }
       }
     }
-    EXPECT_EQ(s.coarseCells(), 4u);
     for (const int times : known) ASSERT_EQ(times, 1);
-    const auto next = s.next();
-    EXPECT_TRUE(next && !next->look && next->firstCell == 4);
-    while (s.samplesDone() < 2) {
-      const auto unit = s.next();
-      ASSERT_TRUE(unit && !unit->look);
-    }
+    EXPECT_EQ(furtherLooks, (kMost - 1) * tiles);
   }
+  TileScheduler other = make(TileScheduler::Order::kPerception, kWide, kHigh);
+  other.setLooks(kMost);
+  other.restart(&s);
+  EXPECT_EQ(other.lookSpacing(), 1u);
+  EXPECT_EQ(other.coarseCells(), 0u);
+  other.beginFrame(vec2(0.5f), 512);
+  for (std::uint32_t i = 0; i < 8 * tiles; ++i) EXPECT_FALSE(other.next()->look);
 }
 
 }  // namespace

@@ -435,7 +435,7 @@ TEST(Session, CoarseFramesAreSharp) {
   const Picture right = whole->picture();
   s.interactive = true;
   const auto coarse = session(s, {});
-  while (coarse->previewing() || !coarse->shownFrame().tiles.looked()) {
+  while (coarse->previewing() || coarse->shownFrame().tiles.lookSpacing() != 1) {
     int turns = 0;  // photons want a few
     ASSERT_TRUE(coarse->step([&] { return coarse->previewing() && ++turns < 50; }, vec2(0.5f)));
   }
@@ -501,6 +501,57 @@ TEST(Session, RemembersLightUntilItIsEdited) {
     ASSERT_TRUE(viewed->step([&] { return ++turns < 50; }, vec2(0.5f)));
   }
   EXPECT_EQ(known(), 0);
+}
+
+/// While photons are aimed at a new view what there is of it is shown, and goes on; what its pixels
+/// show is known to the frame that begins anew.
+TEST(Session, AimingAnewKeepsWhatIsShown) {
+  RenderSettings s = settings(0.0, 5);  // past the first change of light
+  s.interactive = true;
+  const auto model = windowModel(0);
+  Camera camera = model->scene.cameras.front();
+  Session viewed(model, camera, s, {});
+  const auto stepUntil = [&](const auto& done) {
+    for (int steps = 0; !done(); ++steps) {
+      int turns = 0;
+      ASSERT_LT(steps, 10'000);
+      ASSERT_TRUE(viewed.step([&] { return ++turns < 50; }, vec2(0.5f)));
+    }
+  };
+  stepUntil([&] { return !viewed.previewing() && viewed.samplesDone() > 0; });
+  camera.eye += dvec3(0.1, 0.0, -0.1);
+  viewed.follow({.frame = true}, camera);
+  EXPECT_EQ(viewed.shownFrame().tiles.lookSpacing(), 0u);
+  stepUntil([&] { return viewed.shownFrame().tiles.lookSpacing() == 1; });
+  const FrameBuffers& shown = viewed.shownFrame();
+  const double progress = shown.tiles.meanProgress();
+  ASSERT_GT(progress, 0.0);
+  ASSERT_TRUE(viewed.aimAgain());
+  EXPECT_TRUE(viewed.previewing());
+  EXPECT_EQ(&viewed.shownFrame(), &shown);
+  EXPECT_EQ(shown.tiles.meanProgress(), progress);
+  EXPECT_EQ(viewed.samplesDone(), 0u);
+  stepUntil([&] { return !viewed.previewing(); });
+  EXPECT_NE(&viewed.shownFrame(), &shown);
+  EXPECT_EQ(viewed.shownFrame().tiles.lookSpacing(), 1u);
+  EXPECT_EQ(viewed.shownFrame().looks, shown.looks);
+  EXPECT_FALSE(viewed.aimAgain()) << "they are aimed";
+  // In the end it is the picture of a capture, aimed there from the start.
+  stepUntil([&] { return viewed.resting(); });
+  RenderSettings captured = s;
+  captured.interactive = false;
+  captured.aim = camera;
+  Session capture(model, camera, captured, {});
+  capture.run();
+  std::size_t different = 0;
+  for (std::uint32_t i = 0; i < s.width * s.height; ++i) {
+    const std::uint32_t x = i % s.width, y = i / s.width;
+    different += viewed.frame().mean(x, y) != capture.frame().mean(x, y);
+  }
+  EXPECT_EQ(different, 0u);
+  viewed.follow({.frame = true}, camera);
+  EXPECT_EQ(viewed.shownFrame().tiles.lookSpacing(), 0u);
+  EXPECT_EQ(shown.looks, nullptr);
 }
 
 TEST(Session, SunShinesThroughWindowsInEveryMode) {
