@@ -1,5 +1,6 @@
 // Pages of clusters: lossless, small, and no damage leads anywhere but to an error.
 #include <gtest/gtest.h>
+#include <hwy/highway.h>
 
 #include <random>
 
@@ -42,6 +43,18 @@ TEST(HccMeshPack, BlobsComeBackBitForBit) {
     expectSame(blobs, page);
     EXPECT_EQ(packed, packClusters(blobs));
   }
+}
+
+TEST(HccMeshPack, EveryInstructionSetUnpacksTheSame) {
+  // Small leaves, large ones, and vertices wider than a word.
+  const Mesh meshes[] = {build(sheet(60)), build(randomSoup(2000, 3.0f, 44)),
+                         build(randomSoup(300, 1e6f, 45))};
+  for (std::int64_t target : hwy::SupportedAndGeneratedTargets()) {
+    hwy::SetSupportedTargetsForTest(target);
+    for (const Mesh& mesh : meshes)
+      expectSame(blobsOf(mesh), unpackClusters(packClusters(blobsOf(mesh))));
+  }
+  hwy::SetSupportedTargetsForTest(0);
 }
 
 TEST(HccMeshPack, NoBlobsAreAPageToo) { EXPECT_EQ(unpackClusters(packClusters({})).count(), 0u); }
