@@ -121,11 +121,12 @@ class Assembler {
     if (h.leafCount < 1 || h.leafCount > layout::kMaxLeaves) refusePage("wrong leaf count");
     alignas(16) std::uint32_t shift[4] = {h.boxShift[0], h.boxShift[1], h.boxShift[2], 0};
     const VU boxShift = hn::Load(DU(), shift);
+    hn::Store(hn::Set(DU(), ~0u), DU(), least_), hn::Store(hn::Zero(DU()), DU(), most_);
+    triangles_ = 0;
     std::uint32_t used = 0, end = 0;
     for (std::uint32_t i = 0; i < h.leafCount; ++i) {
       starts_[i] = end;
-      const std::uint32_t fresh = addLeaf(i, used, records_ + end, boxShift, end);
-      used += fresh;
+      used += addLeaf(i, used, records_ + end, boxShift, end);
     }
     if (used != h.vertices()) refusePage("wrong vertex count");
 
@@ -145,7 +146,7 @@ class Assembler {
     if (attributes > 0)
       std::memcpy(blob + o.normals, in_.attributes.data() + attribute_, attributes);
     attribute_ += attributes;
-    if (!known_) validateCluster(std::span(page_.bytes).subspan(next_, o.end), next_);
+    if (!known_) validateAssembled(blob, triangles_, least_, most_, next_);
     next_ += o.end;
   }
 
@@ -200,6 +201,7 @@ class Assembler {
     head_ += s.bytes;
     reference_ += old;
     end += 1 + s.bytes + old;
+    triangles_ += static_cast<std::uint32_t>(std::popcount(s.starts));
 
     name(s, used, record + 1 + s.bytes);
     readVertices(s, used);
@@ -253,6 +255,8 @@ class Assembler {
       const VU at = hn::Load(d, offset_[locals_[i]]);
       lower = hn::Min(lower, at), upper = hn::Max(upper, at);
     }
+    hn::Store(hn::Min(lower, hn::Load(d, least_)), d, least_);
+    hn::Store(hn::Max(upper, hn::Load(d, most_)), d, most_);
     const VU one = hn::Set(d, 1u), round = hn::Sub(hn::Shl(one, shift), one);
     alignas(16) std::uint32_t from[4], to[4];
     hn::Store(hn::Shr(lower, shift), d, from);
@@ -318,6 +322,8 @@ class Assembler {
   std::unique_ptr<std::uint32_t[]> rest_;                              ///< four numbers of a vertex
   // Of the cluster that is being put together; vertices from 1 on, before them one at 0.
   alignas(16) std::uint32_t offset_[layout::kMaxVertices + 1][4] = {};
+  alignas(16) std::uint32_t least_[4], most_[4];  ///< of these
+  std::uint32_t triangles_ = 0;
   std::uint32_t starts_[layout::kMaxLeaves];
   std::uint8_t boxes_[6][layout::kMaxLeaves];
   std::byte records_[layout::kMaxLeaves * layout::kMaxRecord + 32];
