@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
-#include <memory>
 
 #include "hccmesh/layout.h"
 #include "hccmesh/page_streams.h"
@@ -109,7 +108,7 @@ class Assembler {
         references_(in.references.size()),
         vertices_(in.planes[0].size()),
         padded_((vertices_ + 3) / 4 * 4),
-        rest_(std::make_unique_for_overwrite<std::uint32_t[]>(4 * padded_)) {
+        rest_(in.rest) {
     // Whole words are read.
     in.heads.resize(heads_ + 2 * sizeof(std::uint64_t));
     in.references.resize(references_ + layout::kMaxEntries);
@@ -159,6 +158,7 @@ class Assembler {
   /// Differences of vertices from what is predicted, four numbers each.
   void readRest() {
     for (Stream& plane : in_.planes) plane.resize(padded_);
+    rest_.resize(4 * padded_);
     const DU d;
     const hn::Rebind<std::uint8_t, DU> bytes;
     const auto axis = [&](std::size_t k, std::size_t v) {
@@ -319,7 +319,7 @@ class Assembler {
   std::size_t head_ = 0, reference_ = 0, vertex_ = 0, attribute_ = 0;  ///< read so far
   std::size_t heads_, references_, vertices_;                          ///< there are
   std::size_t padded_;                                                 ///< vertices, in fours
-  std::unique_ptr<std::uint32_t[]> rest_;                              ///< four numbers of a vertex
+  std::vector<std::uint32_t>& rest_;                                   ///< four numbers of a vertex
   // Of the cluster that is being put together; vertices from 1 on, before them one at 0.
   alignas(16) std::uint32_t offset_[layout::kMaxVertices + 1][4] = {};
   alignas(16) std::uint32_t least_[4], most_[4];  ///< of these

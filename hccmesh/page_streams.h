@@ -20,7 +20,8 @@ inline constexpr std::uint32_t kRaw = 0, kArranged = 1;  ///< modes
 
 struct Streams {
   Stream headers, heads, references, attributes;
-  std::array<Stream, 12> planes;  ///< x, y, z: four bytes of each, the lowest first
+  std::array<Stream, 12> planes;    ///< x, y, z: four bytes of each, the lowest first
+  std::vector<std::uint32_t> rest;  ///< work of unpacking
 
   template <typename Each>
   void forEach(const Each& each) {

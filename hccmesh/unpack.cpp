@@ -19,6 +19,8 @@ namespace {
 
 using Header = layout::ClusterHeader;
 
+constexpr std::uint64_t kMostKept = 1u << 20;  // bytes of a page
+
 std::uint32_t wordAt(std::span<const std::byte> bytes, std::size_t at) {
   if (bytes.size() < at + 4) refusePage("truncated");
   std::uint32_t word;
@@ -35,16 +37,16 @@ ZSTD_DCtx* decompressor() {
 }
 
 // The next stream of a page; `at` moves on. Not over `most` bytes.
-Stream readStream(std::span<const std::byte> packed, std::size_t& at, std::uint64_t most) {
+void readStream(std::span<const std::byte> packed, std::size_t& at, std::uint64_t most,
+                Stream& out) {
   const std::uint32_t plain = wordAt(packed, at), size = wordAt(packed, at + 4);
   at += 8;
   if (plain > most || size > packed.size() - at) refusePage("a stream of wrong size");
-  Stream out(plain);
+  out.resize(plain);
   const std::size_t done =
       ZSTD_decompressDCtx(decompressor(), out.data(), plain, packed.data() + at, size);
   if (ZSTD_isError(done) || done != plain) refusePage("damaged data");
   at += size;
-  return out;
 }
 
 // Headers, whose bytes lie byte by byte.
@@ -66,9 +68,12 @@ std::vector<Header> headersOf(const Stream& stream, std::uint32_t count) {
 
 ClusterPage assemble(std::span<const std::byte> packed, std::uint32_t count, std::uint64_t bytes,
                      bool known) {
+  // Memory of a thread, but of what is larger than pages are. Not counted by caches.
+  thread_local Streams kept;
+  Streams large;
+  Streams& streams = bytes > kMostKept ? large : kept;
   std::size_t at = kPageHead;
-  Streams streams;
-  streams.forEach([&](Stream& s) { s = readStream(packed, at, bytes); });
+  streams.forEach([&](Stream& s) { readStream(packed, at, bytes, s); });
   if (at != packed.size()) refusePage("bytes behind the last stream");
   const std::vector<Header> headers = headersOf(streams.headers, count);
   for (const Stream& plane : streams.planes)
@@ -85,9 +90,10 @@ ClusterPage assemble(std::span<const std::byte> packed, std::uint32_t count, std
 ClusterPage copy(std::span<const std::byte> packed, std::uint32_t count, std::uint64_t bytes,
                  bool known) {
   std::size_t at = kPageHead;
-  const Stream sizes = readStream(packed, at, std::uint64_t{4} * count);
+  Stream sizes;
+  readStream(packed, at, std::uint64_t{4} * count, sizes);
   ClusterPage page;
-  page.bytes = readStream(packed, at, bytes);
+  readStream(packed, at, bytes, page.bytes);
   if (at != packed.size() || sizes.size() != std::size_t{4} * count || page.bytes.size() != bytes)
     refusePage("streams of wrong size");
   page.bytes.resize(bytes + layout::kTailBytes);
