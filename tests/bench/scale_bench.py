@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
 """Bakes and renders generated models out of core; prints the tables of docs/figures.md.
 
-Usage: scale_bench.py [--triangles 1e7,1e8] [--model assembly] [--max-memory 8G] [--size 1280x720] [--spp 4]
+Usage: scale_bench.py [--triangles 1e7,1e8] [--model assembly] [--max-memory 8G] [--size 1280x720] [--spp 4] [--ways whole,few,demand]
                       [--few 0.05] [--demand 1] [--base OTHER/trex] [--voxels] [--folder .] [--picture FILE] [--keep]
 A document a count: rates of sorting and clustering, bytes a triangle, and of each render, a process of its own, seconds until
 each pixel had a sample and until the end, of the clock and of processors, pages that were loaded, major faults and the largest
-resident size. "whole" may have all memory; with --few one has a cache of that share of the pages, so that rays wait for pages, and
-with --demand one more has that cache and threads that wait for pages, for so many samples. Pictures of equal samples have equal
-bytes, or are named in "other_bytes". --base: "whole" and "demand" of another build, too. A bundle that --keep left is taken as it is.
+resident size. Ways: "whole" may have all memory; "few" has a cache of that share of the pages, so that rays wait for pages; "demand"
+has that cache and threads that wait for pages, for --demand samples. Whether pictures of as many samples as the first have its bytes is
+said. --base: "whole" and "demand" of another build, too. A bundle that --keep left is taken as it is.
 """
 import argparse, json, os, subprocess, sys, time
 
@@ -39,15 +39,14 @@ def bake(a, count, bundle):
 
 
 def render(a, trex, bundle, picture, spp, *more):
-    """What `trex render` says of it, and a row."""
+    """What `trex render` says of it, and its process."""
     said, seconds, used = run(trex, "render", bundle, "-o", picture, "--size", a.size, "--spp", spp, "--max-memory", a.max_memory,
                               "--json", "--device", "none", "--denoise", "off", *more)
-    row = {"samples": said["samples"], "first_picture_seconds": said.get("first_picture_seconds"),
-           "render_seconds": said["render_seconds"], "process_seconds": seconds, "user_seconds": used.ru_utime,
-           "system_seconds": used.ru_stime, "major_faults": used.ru_majflt, "peak_gib": used.ru_maxrss / 2**20,
-           "page_loads": said["page_loads"], "page_cache_gib": said["page_cache_bytes"] / 2**30,
-           "ray_memory_gib": said["ray_memory_bytes"] / 2**30, "waiting_seconds": said.get("waiting_thread_seconds", 0.0)}
-    return said, row
+    return {"samples": said["samples"], "first_picture_seconds": said.get("first_picture_seconds"),
+            "render_seconds": said["render_seconds"], "process_seconds": seconds, "user_seconds": used.ru_utime,
+            "system_seconds": used.ru_stime, "major_faults": used.ru_majflt, "peak_gib": used.ru_maxrss / 2**20,
+            "page_loads": said["page_loads"], "page_cache_gib": said["page_cache_bytes"] / 2**30,
+            "ray_memory_gib": said["ray_memory_bytes"] / 2**30, "waiting_seconds": said.get("waiting_thread_seconds", 0.0)}
 
 
 def bytes_of(file):
@@ -59,24 +58,24 @@ def rows(a, bundle, out):
     """Renders of all ways and builds; a way's samples may be fewer."""
     picture = a.picture or os.path.join(a.folder, "scale.exr")
     other = os.path.join(a.folder, "scale-other" + os.path.splitext(picture)[1])
-    said, out["whole"] = render(a, a.trex, bundle, picture, a.spp, *a.more)
+    said = run(a.trex, "render", bundle, "-o", other, "--size", "8x8", "--spp", 1, "--device", "none", "--json", *a.more)[0]
+    pages = said["mesh_bytes"]
     out.update(triangles=said["unique_triangles"], pages=said["pages"],
-               memory_bytes_per_triangle=(said["mesh_bytes"] + said["top_level_bytes"]) / said["unique_triangles"])
-    few = ["--cache", int(said["mesh_bytes"] * a.few), *a.more]
-    ways = [("whole", a.spp, a.more, [a.base] if a.base else [])]
-    if a.few > 0:
-        ways.append(("few", a.spp, few, [a.trex]))
-        if a.demand > 0:
-            ways.append(("demand", a.demand, [*few, "--ray-memory", "off"], [a.trex, a.base] if a.base else [a.trex]))
-    out["other_bytes"] = []
-    for name, spp, more, builds in ways:
-        for trex in builds:
-            row = name + (" of base" if trex != a.trex else "")
-            _, out[row] = render(a, trex, bundle, other, spp, *more)
-            if str(spp) == str(a.spp) and bytes_of(picture) != bytes_of(other):
-                out["other_bytes"].append(row)
-            print(f"{row}: {json.dumps(out[row])}", file=sys.stderr, flush=True)
-    if len(ways) + len(ways[0][3]) > 1:
+               memory_bytes_per_triangle=(pages + said["top_level_bytes"]) / said["unique_triangles"])
+    first = True
+    for way in a.ways.split(","):
+        for trex in (a.trex, a.base) if a.base and way != "few" else (a.trex,):
+            more = list(a.more)
+            if way != "whole":
+                more += ["--cache", int(pages * a.few)] + (["--ray-memory", "off"] if way == "demand" else [])
+            spp = a.demand if way == "demand" else a.spp
+            name = way + (" of base" if trex != a.trex else "")
+            out[name] = render(a, trex, bundle, picture if first else other, spp, *more)
+            if not first and str(spp) == str(a.spp):
+                out[name]["same_bytes"] = bytes_of(picture) == bytes_of(other)
+            first = False
+            print(f"{name}: {json.dumps(out[name])}", file=sys.stderr, flush=True)
+    if os.path.exists(other):
         os.remove(other)
 
 
@@ -88,8 +87,9 @@ def main():
     p.add_argument("--max-memory", default="8G")
     p.add_argument("--size", default="1280x720")
     p.add_argument("--spp", default="4")
-    p.add_argument("--few", type=float, default=0.0)
-    p.add_argument("--demand", type=int, default=0)
+    p.add_argument("--few", type=float, default=0.05)
+    p.add_argument("--demand", type=int, default=1)
+    p.add_argument("--ways", default="whole")
     p.add_argument("--base")
     p.add_argument("--voxels", action="store_true")
     p.add_argument("--folder", default=".")
