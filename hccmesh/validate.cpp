@@ -61,67 +61,86 @@ struct Bounds {
   }
 };
 
+// What a header says of itself. `at`: of the blob, as below.
+void checkCounts(const layout::ClusterHeader& h, std::uint64_t at) {
+  const std::uint32_t t = h.triangles(), v = h.vertices();
+  check(v >= 3 && v <= 3 * t, "wrong vertex count", at + 21);
+  check(h.leafCount >= 1 && h.leafCount <= layout::kMaxLeaves && h.leafCount <= t,
+        "wrong leaf count", at + 22);
+  const auto with = [&](std::uint32_t flag, std::uint32_t needed) {
+    return !(h.flags & flag) || (h.flags & needed);
+  };
+  check((h.flags & ~layout::kAllFlags) == 0 && with(layout::kFloatTexCoords, layout::kTexCoords) &&
+            with(layout::kSecondTexCoords, layout::kTexCoords) &&
+            with(layout::kFloatSecondTexCoords, layout::kSecondTexCoords),
+        "unknown flags", at + 23);
+  for (int k = 0; k < 3; ++k) {
+    check(h.width[k] <= layout::kMaxWidth, "wrong width", at + 24);
+    check(std::abs(std::int64_t(h.lower[k])) <= layout::kMaxGrid, "bounds off the grid", at);
+    check(h.boxShift[k] <= 24, "wrong box shift", at + 27);
+  }
+  check(h.reserved == 0, "reserved byte not zero", at + 33);
+}
+
+// Vertices from `lower` to `upper`, grid.
+void checkExtent(const layout::ClusterHeader& h, const std::int32_t* lower,
+                 const std::int32_t* upper, std::uint64_t at) {
+  for (int k = 0; k < 3; ++k) {
+    check(upper[k] <= layout::kMaxGrid, "vertex off the grid", at);
+    check(lower[k] == h.lower[k], "bounds are not the least", at);
+    const auto extent = static_cast<std::uint32_t>(upper[k] - h.lower[k]);
+    check(h.width[k] == std::bit_width(extent), "width is not the least", at + 24);
+    const std::uint32_t cell = 1u << h.boxShift[k];
+    check(h.top[k] == (extent + cell - 1u) / cell, "box does not fit the vertices", at + 30);
+  }
+}
+
+void checkTexCoords(const std::byte* blob, const layout::ClusterHeader& h, std::uint32_t offset,
+                    bool floats, std::uint64_t at) {
+  const std::uint32_t count = floats ? 2 * h.vertices() : 4;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    float value;
+    std::memcpy(&value, blob + offset + 4u * i, 4);
+    check(std::isfinite(value), "texture coordinate not finite", at + offset + 4u * i);
+  }
+}
+
+void checkTexCoords(const std::byte* blob, const layout::ClusterHeader& h, std::uint64_t at) {
+  const layout::Offsets o = layout::offsetsOf(h);
+  if (h.flags & layout::kTexCoords)
+    checkTexCoords(blob, h, o.texCoords, (h.flags & layout::kFloatTexCoords) != 0, at);
+  if (h.flags & layout::kSecondTexCoords)
+    checkTexCoords(blob, h, o.secondTexCoords, (h.flags & layout::kFloatSecondTexCoords) != 0, at);
+}
+
 // One blob; `size` bytes from `b`, which lie inside the buffer with its tail behind them.
 class ClusterCheck {
  public:
   ClusterCheck(const std::byte* b, std::uint64_t size, std::uint64_t at) : b_(b), at_(at) {
     check(size >= sizeof(layout::ClusterHeader), "truncated cluster", at);
     std::memcpy(&h_, b, sizeof(h_));
-    checkCounts();
+    checkCounts(h_, at);
     o_ = layout::offsetsOf(h_);
     check(o_.records < o_.vertices && o_.end == size, "cluster of wrong size", at);
     checkVertices();
     checkLeaves();
-    if (h_.flags & layout::kTexCoords)
-      checkTexCoords(o_.texCoords, (h_.flags & layout::kFloatTexCoords) != 0);
-    if (h_.flags & layout::kSecondTexCoords)
-      checkTexCoords(o_.secondTexCoords, (h_.flags & layout::kFloatSecondTexCoords) != 0);
+    checkTexCoords(b, h_, at);
     check(allZero(b + o_.attributesEnd, b + o_.end), "padding not zero", at + o_.attributesEnd);
   }
   const Bounds& bounds() const { return bounds_; }
   std::uint32_t triangles() const { return h_.triangles(); }
 
  private:
-  void checkCounts() const {
-    const std::uint32_t t = h_.triangles(), v = h_.vertices();
-    check(v >= 3 && v <= 3 * t, "wrong vertex count", at_ + 21);
-    check(h_.leafCount >= 1 && h_.leafCount <= layout::kMaxLeaves && h_.leafCount <= t,
-          "wrong leaf count", at_ + 22);
-    const auto with = [&](std::uint32_t flag, std::uint32_t needed) {
-      return !(h_.flags & flag) || (h_.flags & needed);
-    };
-    check((h_.flags & ~layout::kAllFlags) == 0 &&
-              with(layout::kFloatTexCoords, layout::kTexCoords) &&
-              with(layout::kSecondTexCoords, layout::kTexCoords) &&
-              with(layout::kFloatSecondTexCoords, layout::kSecondTexCoords),
-          "unknown flags", at_ + 23);
-    for (int k = 0; k < 3; ++k) {
-      check(h_.width[k] <= layout::kMaxWidth, "wrong width", at_ + 24);
-      check(std::abs(std::int64_t(h_.lower[k])) <= layout::kMaxGrid, "bounds off the grid", at_);
-      check(h_.boxShift[k] <= 24, "wrong box shift", at_ + 27);
-    }
-    check(h_.reserved == 0, "reserved byte not zero", at_ + 33);
-  }
-
   void checkVertices() {
     for (std::uint32_t v = 0; v < h_.vertices(); ++v) {
       layout::readVertex(b_ + o_.vertices, h_, v, grid_[v]);
-      for (int k = 0; k < 3; ++k)
-        check(grid_[v][k] <= layout::kMaxGrid, "vertex off the grid",
-              at_ + o_.vertices + v * h_.vertexBits() / 8u);
       bounds_.extend(grid_[v]);
     }
     const std::uint32_t end = h_.vertices() * h_.vertexBits();
     for (std::uint32_t bit = end; bit < 8u * (o_.normals - o_.vertices); ++bit)
       check(layout::readBits(b_ + o_.vertices, bit, 1) == 0, "padding not zero",
             at_ + o_.vertices + bit / 8);
-    for (int k = 0; k < 3; ++k) {
-      check(bounds_.lower[k] == h_.lower[k], "bounds are not the least", at_);
-      const auto extent = static_cast<std::uint32_t>(bounds_.upper[k] - h_.lower[k]);
-      check(h_.width[k] == std::bit_width(extent), "width is not the least", at_ + 24);
-      const std::uint32_t cell = 1u << h_.boxShift[k];
-      check(h_.top[k] == (extent + cell - 1u) / cell, "box does not fit the vertices", at_ + 30);
-    }
+    checkExtent(h_, bounds_.lower, bounds_.upper, at_);
   }
 
   // Records lie without gaps, and number vertices in the order of their first use.
@@ -158,15 +177,6 @@ class ClusterCheck {
       }
   }
 
-  void checkTexCoords(std::uint32_t offset, bool floats) const {
-    const std::uint32_t count = floats ? 2 * h_.vertices() : 4;
-    for (std::uint32_t i = 0; i < count; ++i) {
-      float value;
-      std::memcpy(&value, b_ + offset + 4u * i, 4);
-      check(std::isfinite(value), "texture coordinate not finite", at_ + offset + 4u * i);
-    }
-  }
-
   const std::byte* b_;
   std::uint64_t at_;
   layout::ClusterHeader h_;
@@ -197,6 +207,21 @@ ClusterSummary validateCluster(std::span<const std::byte> blob, std::uint64_t at
   std::copy_n(check.bounds().upper, 3, s.upper);
   s.triangles = check.triangles();
   return s;
+}
+
+void validateAssembled(const std::byte* blob, std::uint32_t triangles, const std::uint32_t* least,
+                       const std::uint32_t* most, std::uint64_t at) {
+  layout::ClusterHeader h;
+  std::memcpy(&h, blob, sizeof(h));
+  checkCounts(h, at);
+  std::int32_t lower[3], upper[3];
+  for (int k = 0; k < 3; ++k) {
+    lower[k] = h.lower[k] + static_cast<std::int32_t>(least[k]);
+    upper[k] = h.lower[k] + static_cast<std::int32_t>(most[k]);
+  }
+  checkExtent(h, lower, upper, at);
+  check(triangles == h.triangles(), "wrong counts in leaves", at + 20);
+  checkTexCoords(blob, h, at);
 }
 
 void validate(std::span<const std::byte> bytes) {

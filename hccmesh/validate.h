@@ -21,6 +21,13 @@ struct ClusterSummary {
 /// it lies, for the message. Throws FormatError. Thread safe.
 ClusterSummary validateCluster(std::span<const std::byte> blob, std::uint64_t at);
 
+/// Of a blob that was put together from a page's streams what does not follow from that: counts and
+/// flags of its header, the bounds there, which must be those of its vertices (offsets from `least`
+/// to `most`, three each, at most kMaxWidth bits), its `triangles`, and texture coordinates. What
+/// passes, passes validateCluster(). Throws FormatError. Thread safe.
+void validateAssembled(const std::byte* blob, std::uint32_t triangles, const std::uint32_t* least,
+                       const std::uint32_t* most, std::uint64_t at);
+
 /// XXH3-64 of a buffer whose checksum field counts as zero. At least a header long.
 std::uint64_t checksumOf(std::span<const std::byte> bytes);
 

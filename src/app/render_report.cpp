@@ -97,6 +97,7 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
       {"device_start_seconds", r.deviceSeconds},
       {"aim_seconds", r.aimSeconds},
       {"render_seconds", r.renderSeconds},
+      {"first_picture_seconds", r.firstPictureSeconds},
       {"photon_seconds", r.photonSeconds},
       {"caustic_seconds", r.causticSeconds},
       {"caustic_photons", r.causticPhotons},

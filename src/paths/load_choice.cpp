@@ -1,6 +1,8 @@
 #include "src/paths/load_choice.h"
 
 #include <algorithm>
+#include <iterator>
+#include <utility>
 
 #include "src/core/clock.h"
 
@@ -21,13 +23,14 @@ struct Ranked {
 
 /// The first so many, in order.
 std::vector<std::uint32_t> firstOf(std::vector<Ranked>& all, std::size_t most) {
-  const std::size_t count = std::min(most, all.size());
-  std::partial_sort(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(count), all.end(),
-                    [](const Ranked& a, const Ranked& b) {
-                      return a.value != b.value ? a.value < b.value : a.page < b.page;
-                    });
+  const auto before = [](const Ranked& a, const Ranked& b) {
+    return a.value != b.value ? a.value < b.value : a.page < b.page;
+  };
+  const auto end = all.begin() + static_cast<std::ptrdiff_t>(std::min(most, all.size()));
+  if (end != all.end()) std::nth_element(all.begin(), end, all.end(), before);
+  std::sort(all.begin(), end, before);
   std::vector<std::uint32_t> out;
-  for (std::size_t i = 0; i < count; ++i) out.push_back(all[i].page);
+  std::transform(all.begin(), end, std::back_inserter(out), [](const Ranked& r) { return r.page; });
   return out;
 }
 
@@ -52,6 +55,8 @@ LoadChoice::LoadChoice(const hccm::PageTable& table, bool predict)
       blocks_((static_cast<std::uint32_t>(table.pages.size()) + blockPages_ - 1) / blockPages_),
       pages_(table.pages.size()),
       cameToBlock_(blocks_),
+      queued_(blocks_ + 1),
+      share_(blocks_),
       forecast_(blocks_ + 1) {
   graph_.memories = {{"disk"}, {"memory"}};
   graph_.channels = {{"pages", kFirstBytes, 0.0, {{0, 1}}}};
@@ -67,9 +72,11 @@ void LoadChoice::begin(const hccm::PageCache& cache, const PageQueues& queues,
   chosen_.clear();
   ahead_.clear();
   going_.clear();
-  toBegin_ = 0;
+  awaited_.clear();
+  wanted_ = {};
+  std::fill(queued_.begin(), queued_.end(), 0.0);
   ++changes_;
-  for (Page& p : pages_) p.uses = 0, p.coming = false;
+  for (Page& p : pages_) p.uses = 0, p.coming = p.awaited = false;
   look();
 }
 
@@ -77,39 +84,52 @@ void LoadChoice::begin(const hccm::PageCache& cache, const PageQueues& queues,
 void LoadChoice::look() {
   loads_ = cache_->statistics().loads;  // first: what comes meanwhile is looked for again
   here_.clear();
+  free_ = {};
   for (std::uint32_t p = 0; p < pages_.size(); ++p) {
     pages_[p].here = cache_->isHere(p);
     if (pages_[p].here) here_.push_back(p);
   }
 }
 
-/// Rays that will come to each page, if those that wait go on as those before them did.
+/// Rays that will come to each block, if those that wait go on as those before them did.
 void LoadChoice::expect() {
-  for (Page& p : pages_) p.expected = 0.0;
   if (!predict_) return;
-  std::vector<double> queued(blocks_ + 1);
-  queued[blocks_] = static_cast<double>(toBegin_);
-  for (std::uint32_t p = 0; p < pages_.size(); ++p) queued[blockOf(p)] += queues_->waiting(p);
-  const std::vector<double> coming = forecast_.coming(queued, kSteps);
-  for (std::uint32_t p = 0; p < pages_.size(); ++p) {
-    const std::uint32_t b = blockOf(p);
-    if (cameToBlock_[b] > 0.0) pages_[p].expected = coming[b] * pages_[p].came / cameToBlock_[b];
-  }
+  const std::vector<double> coming = forecast_.coming(queued_, kSteps);
+  for (std::uint32_t b = 0; b < blocks_; ++b)
+    share_[b] = cameToBlock_[b] > 0.0 ? coming[b] / cameToBlock_[b] : 0.0;
 }
 
 /// Rays that are still to come are a reason to wait for them.
 double LoadChoice::worth(std::uint32_t page) const {
   const double rays = queues_->waiting(page);
-  return std::max(rays - kPatience * pages_[page].expected, 1e-3 * rays);
+  return std::max(rays - kPatience * expected(page), 1e-3 * rays);
+}
+
+/// Rays wait for it, and it is neither there nor on its way.
+bool LoadChoice::isWanted(std::uint32_t page) const {
+  return queues_->waiting(page) > 0 && !pages_[page].coming && !cache_->isHere(page);
+}
+
+/// Looks at all pages that rays wait for.
+void LoadChoice::listAwaited() {
+  std::erase_if(awaited_, [&](std::uint32_t page) {
+    return !(pages_[page].awaited = queues_->waiting(page) > 0);
+  });
+  std::vector<Ranked> wanted;
+  for (const std::uint32_t page : awaited_)
+    if (isWanted(page)) wanted.push_back({-worth(page), page});
+  wanted_ = {firstOf(wanted, std::max(2 * kCandidates, pages_.size() / kListed)), loaded_};
+  ahead_.clear();
+  if (readsAhead()) ahead_ = expectedMost();
+  std::reverse(ahead_.begin(), ahead_.end());
 }
 
 /// The absent pages that are worth most.
-std::vector<std::uint32_t> LoadChoice::candidates() const {
+std::vector<std::uint32_t> LoadChoice::candidates() {
+  std::erase_if(wanted_.pages, [&](std::uint32_t page) { return !isWanted(page); });
+  if (wanted_.pages.size() < kCandidates || wanted_.isOld(loaded_)) listAwaited();
   std::vector<Ranked> wanted;
-  for (std::uint32_t p = 0; p < pages_.size(); ++p) {
-    if (queues_->waiting(p) == 0 || pages_[p].coming || cache_->isHere(p)) continue;
-    wanted.push_back({-worth(p), p});
-  }
+  for (const std::uint32_t page : wanted_.pages) wanted.push_back({-worth(page), page});
   return firstOf(wanted, kCandidates);
 }
 
@@ -117,10 +137,11 @@ std::vector<std::uint32_t> LoadChoice::candidates() const {
 std::vector<std::uint32_t> LoadChoice::expectedMost() const {
   std::vector<Ranked> coming;
   for (std::uint32_t p = 0; p < pages_.size(); ++p) {
-    if (pages_[p].expected < kLeastAhead || pages_[p].coming) continue;
-    if (queues_->waiting(p) == 0 && !cache_->isHere(p)) coming.push_back({-pages_[p].expected, p});
+    const double rays = expected(p);
+    if (rays < kLeastAhead || pages_[p].coming) continue;
+    if (queues_->waiting(p) == 0 && !cache_->isHere(p)) coming.push_back({-rays, p});
   }
-  return firstOf(coming, kCandidates);
+  return firstOf(coming, std::max(kCandidates, pages_.size() / kListed));
 }
 
 /// It is there, and no ray waits for it or is traced against it.
@@ -128,16 +149,27 @@ bool LoadChoice::mayGo(std::uint32_t page) const {
   return pages_[page].uses == 0 && queues_->waiting(page) == 0 && cache_->isHere(page);
 }
 
-/// Pages that may go, those that are needed least.
-std::vector<std::uint32_t> LoadChoice::leastNeeded() const {
+/// Of a page to stay; of equals less for that which was used longest ago.
+double LoadChoice::need(std::uint32_t page) const {
+  return expected(page) + static_cast<double>(pages_[page].last) / static_cast<double>(clock_ + 1);
+}
+
+/// Looks at all pages that are there.
+void LoadChoice::listFree() {
+  std::erase_if(here_,
+                [&](std::uint32_t page) { return !(pages_[page].here = cache_->isHere(page)); });
   std::vector<Ranked> free;
-  for (const std::uint32_t page : here_) {
-    const Page& p = pages_[page];
-    if (!mayGo(page)) continue;
-    // Of equals that which was used longest ago.
-    free.push_back(
-        {p.expected + static_cast<double>(p.last) / static_cast<double>(clock_ + 1), page});
-  }
+  for (const std::uint32_t page : here_)
+    if (mayGo(page)) free.push_back({need(page), page});
+  free_ = {firstOf(free, std::max(kVictims, here_.size() / kListed)), loaded_};
+}
+
+/// Pages that may go, those that are needed least.
+std::vector<std::uint32_t> LoadChoice::leastNeeded() {
+  std::erase_if(free_.pages, [&](std::uint32_t page) { return !mayGo(page); });
+  if (free_.pages.size() < kVictims / 2 || free_.isOld(loaded_)) listFree();
+  std::vector<Ranked> free;
+  for (const std::uint32_t page : free_.pages) free.push_back({need(page), page});
   return firstOf(free, kVictims);
 }
 
@@ -162,9 +194,6 @@ void LoadChoice::choose() {
   expect();
   fit();
   chosen_.clear();
-  ahead_.clear();
-  if (readsAhead()) ahead_ = expectedMost();
-  std::reverse(ahead_.begin(), ahead_.end());
   const std::vector<std::uint32_t> wanted = candidates();
   if (!wanted.empty()) planLoads(wanted);
 }
@@ -183,9 +212,7 @@ void LoadChoice::planLoads(const std::vector<std::uint32_t>& wanted) {
     bytes += size;
   }
   for (const std::uint32_t page : free) {
-    const double need = pages_[page].expected +
-                        static_cast<double>(pages_[page].last) / static_cast<double>(clock_ + 1);
-    s.items.push_back({static_cast<double>(bytesOf(page)), 3, false, need, 0.0});
+    s.items.push_back({static_cast<double>(bytesOf(page)), 3, false, need(page), 0.0});
     room += s.items.back().bytes;
   }
   graph_.memories[1].capacity = std::max(room, 1.0);
@@ -251,7 +278,7 @@ void LoadChoice::loaded(std::uint32_t page, double seconds) {
   p.last = ++clock_;
   if (!p.here) here_.push_back(page);
   p.here = true;
-  ++loads_;
+  ++loads_, ++loaded_;
   keep(unpacked_, unpackedNext_, kSamples, static_cast<double>(bytesOf(page)), seconds);
 }
 
@@ -279,13 +306,17 @@ void LoadChoice::used(std::uint32_t page, std::size_t rays, double seconds,
     --pages_[page].uses;
     pages_[page].last = ++clock_;
     from = blockOf(page);
+    queued_[from] -= static_cast<double>(rays);
     keep(traced_, tracedNext_, kSamples, static_cast<double>(rays), seconds);
   }
   forecast_.served(from, static_cast<double>(rays));
   for (const std::uint32_t to : waitsNow) {
-    pages_[to].came += 1.0;
-    cameToBlock_[blockOf(to)] += 1.0;
-    forecast_.moved(from, blockOf(to), 1.0);
+    ++pages_[to].came;
+    if (!std::exchange(pages_[to].awaited, true)) awaited_.push_back(to);
+    const std::uint32_t block = blockOf(to);
+    cameToBlock_[block] += 1.0;
+    queued_[block] += 1.0;
+    forecast_.moved(from, block, 1.0);
   }
 }
 

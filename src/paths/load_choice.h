@@ -35,7 +35,7 @@ class LoadChoice {
   /// A set of paths begins. `record` (may be null) takes down what is planned.
   void begin(const hccm::PageCache& cache, const PageQueues& queues, TrafficRecord* record);
   /// So many paths are still to begin.
-  void toBegin(std::uint64_t paths) { toBegin_ = paths; }
+  void toBegin(std::uint64_t paths) { queued_[blocks_] = static_cast<double>(paths); }
   /// Pages may have gone without a word.
   void lookAgain() { ++changes_; }
   /// The page to read now, taken to be on its way from here on; none if no ray waits for one.
@@ -47,7 +47,9 @@ class LoadChoice {
   /// Of having it in memory now, rays; 0 if none waits for it.
   double worth(std::uint32_t page) const;
   /// Rays that are still to come there, as of the last plan.
-  double expected(std::uint32_t page) const { return pages_[page].expected; }
+  double expected(std::uint32_t page) const {
+    return share_[blockOf(page)] * static_cast<double>(pages_[page].came);
+  }
   /// It was read, and unpacked.
   void read(std::uint32_t page, double seconds);
   void loaded(std::uint32_t page, double seconds);
@@ -71,7 +73,10 @@ class LoadChoice {
   static constexpr std::size_t kCandidates = 24;  ///< of a plan
   static constexpr std::size_t kVictims = 48;     ///< that it may give up
   static constexpr std::uint32_t kBlocks = 128;   ///< at most
-  static constexpr std::size_t kSamples = 128;    ///< that times are fitted to
+  /// Of many pages so many are listed when all are looked at, as a share of them; plans choose of
+  /// the list until half of it has been loaded.
+  static constexpr std::size_t kListed = 64;
+  static constexpr std::size_t kSamples = 128;  ///< that times are fitted to
 
   static constexpr double kSlow = 4e-5;       ///< seconds of a read; from memory it takes 1e-5
   static constexpr double kLeastAhead = 1.0;  ///< rays that make a page worth reading ahead
@@ -79,18 +84,28 @@ class LoadChoice {
   struct Page {
     std::uint32_t uses = 0;
     bool coming = false, here = false;
+    bool awaited = false;    ///< it is in awaited_
     std::uint64_t last = 0;  ///< use
-    double came = 0.0;       ///< rays that came to wait, ever
-    double expected = 0.0;   ///< to come, as of the last plan
+    std::uint64_t came = 0;  ///< rays that came to wait, ever
+  };
+  /// Pages that were the best when all were looked at, as of so many loads.
+  struct List {
+    std::vector<std::uint32_t> pages{};
+    std::uint64_t since = 0;
+    bool isOld(std::uint64_t loads) const { return 2 * (loads - since) >= pages.size(); }
   };
   std::uint32_t blockOf(std::uint32_t page) const { return page / blockPages_; }
   void look();
   void expect();
+  bool isWanted(std::uint32_t page) const;
   bool mayGo(std::uint32_t page) const;
+  double need(std::uint32_t page) const;
   void fit();
-  std::vector<std::uint32_t> candidates() const;
+  void listAwaited();
+  void listFree();
+  std::vector<std::uint32_t> candidates();
   std::vector<std::uint32_t> expectedMost() const;
-  std::vector<std::uint32_t> leastNeeded() const;
+  std::vector<std::uint32_t> leastNeeded();
   void choose();
   void planLoads(const std::vector<std::uint32_t>& wanted);
 
@@ -101,19 +116,22 @@ class LoadChoice {
   const PageQueues* queues_ = nullptr;
   TrafficRecord* record_ = nullptr;
   std::vector<Page> pages_;
-  std::vector<double> cameToBlock_;
-  schedule::Forecast forecast_;        ///< one station more: paths that begin
-  std::vector<std::uint32_t> here_;    ///< some of which may have gone
-  std::vector<std::uint32_t> chosen_;  ///< the first last
-  std::vector<std::uint32_t> ahead_;   ///< likewise
-  std::vector<std::uint32_t> going_;   ///< likewise
-  std::uint64_t toBegin_ = 0;
-  double readSeconds_ = 1e-5;  ///< half of the reads take longer
+  std::vector<double> cameToBlock_, queued_;  ///< queued_: rays there now, and paths to begin
+  std::vector<double> share_;                 ///< by block: rays to come, of those that ever came
+  std::vector<std::uint32_t> awaited_;        ///< pages that rays may wait for
+  schedule::Forecast forecast_;               ///< one station more: paths that begin
+  std::vector<std::uint32_t> here_;           ///< some of which may have gone
+  List wanted_, free_;                        ///< of awaited_ and of here_
+  std::vector<std::uint32_t> chosen_;         ///< the first last
+  std::vector<std::uint32_t> ahead_;          ///< likewise
+  std::vector<std::uint32_t> going_;          ///< likewise
+  double readSeconds_ = 1e-5;                 ///< half of the reads take longer
   std::vector<schedule::TimingSample> traced_, unpacked_, brought_;
   std::size_t tracedNext_ = 0, unpackedNext_ = 0, broughtNext_ = 0;
   schedule::Graph graph_;
   schedule::TimingModel timing_{1, 1};
   std::uint64_t clock_ = 0, loads_ = 0;  ///< loads_: of the cache, that are known
+  std::uint64_t loaded_ = 0;             ///< pages, by loaded()
   std::uint64_t plans_ = 0;
   std::uint64_t changes_ = 0, planned_ = 0;  ///< planned_: the last one that a plan knew of
 };

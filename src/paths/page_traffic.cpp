@@ -71,7 +71,7 @@ bool PageTraffic::takeReady(PageWork& work) {
     if (work.rays.empty()) {
       announced_[work.page] = 0;
       if (!cache_.isHere(work.page)) {  // driven out: it will be loaded again
-        disk_.notify_one();
+        wakeReader();
         continue;
       }
       queues_.take(work.page, work.rays);
@@ -101,7 +101,7 @@ bool PageTraffic::next(PageWork& work, unsigned thread) {
   while (left_ > 0 && !stop_) {
     if (takeReady(work)) return true;
     if (unpackOne(lock, thread) || readHere(lock, thread) || announceHere()) continue;
-    disk_.notify_one();
+    wakeReader();
     const double start = secondsNow();
     ++idle_;
     work_.wait_for(lock, kLookAgain);
@@ -141,8 +141,19 @@ void PageTraffic::announceLocked(std::uint32_t page) {
   if (idle_ > 0) work_.notify_one();
 }
 
-/// Finds rays that wait for pages that a stage has loaded by itself. The lock is held.
+/// There may be something to read, or room for it. The lock is held.
+void PageTraffic::wakeReader() {
+  if (choice_.readsAhead()) disk_.notify_one();
+}
+
+/// Finds rays that wait for pages that a stage has loaded by itself: at once if the cache knows of
+/// more loads than before, now and then in any case, as counts do not tell of all. The lock is
+/// held.
 bool PageTraffic::announceHere() {
+  const std::uint64_t loads = cache_.statistics().loads - report_.loads;
+  const double now = secondsNow();
+  if (loads == loadsOfStages_ && now < lookedHere_ + 1e-3 * kLookAgain.count()) return false;
+  loadsOfStages_ = loads, lookedHere_ = now;
   for (std::uint32_t p = 0; p < queues_.pages(); ++p) {
     if (queues_.waiting(p) > 0 && cache_.isHere(p)) announceLocked(p);
   }
@@ -197,7 +208,7 @@ bool PageTraffic::unpackOne(std::unique_lock<std::mutex>& lock, unsigned thread)
   report_.unpacking += end - start;
   ++report_.loads;
   report_.readAhead += packed.ahead;
-  disk_.notify_one();
+  wakeReader();
   if (failed) {
     failLocked(std::move(failed));
   } else {

@@ -116,6 +116,7 @@ class PageTraffic {
   bool takeReady(PageWork& work);
   void announce(std::uint32_t page);
   bool announceHere();
+  void wakeReader();
   void announceLocked(std::uint32_t page);
   void failLocked(std::exception_ptr error);
   bool unpackOne(std::unique_lock<std::mutex>& lock, unsigned thread);
@@ -148,6 +149,8 @@ class PageTraffic {
   double unpacked_ = 0.0, interval_ = 1e-3;  ///< when a page was, and seconds from one to the next
   std::uint64_t unpackingBytes_ = 0;         ///< in the cache
   int idle_ = 0;                             ///< threads that trace and have nothing to do
+  std::uint64_t loadsOfStages_ = 0;          ///< of the cache, when announceHere() last looked
+  double lookedHere_ = 0.0;                  ///< when that was
   bool stop_ = false;
   std::exception_ptr failed_;
   PageTrafficReport report_;

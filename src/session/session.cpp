@@ -95,8 +95,13 @@ SessionState Session::state() const {
 
 void Session::perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer) {
   const double start = secondsNow() - report_.renderSeconds;
-  const auto going = [&] {
+  const auto time = [&] {
     report_.renderSeconds = secondsNow() - start;
+    const bool first = report_.firstPictureSeconds == 0.0 && samplesDone() > 0;
+    if (first) report_.firstPictureSeconds = report_.renderSeconds;
+  };
+  const auto going = [&] {
+    time();
     return keepGoing() && !goal_.late(samplesDone(), report_.renderSeconds);
   };
   switch (work.kind) {
@@ -122,7 +127,7 @@ void Session::perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer
       break;
   }
   ++turn_;
-  report_.renderSeconds = secondsNow() - start;
+  time();
 }
 
 /// Samples at which the dial or the goal looks at the sums.

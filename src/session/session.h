@@ -59,8 +59,9 @@ class CheckpointReader;
 struct SessionReport {
   double meshSeconds = 0, voxelSeconds = 0, deviceSeconds = 0;  ///< set-up
   double renderSeconds = 0;                                     ///< in run() and step()
-  double aimSeconds = 0, photonSeconds = 0;                     ///< of these
-  double causticSeconds = 0;                                    ///< of these, for maps of caustics
+  double firstPictureSeconds = 0;            ///< of these, until each pixel had a sample
+  double aimSeconds = 0, photonSeconds = 0;  ///< of these
+  double causticSeconds = 0;                 ///< of these, for maps of caustics
   std::uint64_t causticPhotons = 0;
   double filterSeconds = 0;    ///< of the last picture()
   std::string denoiser;        ///< of the last picture(): denoiserName()
