@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "src/frame/denoise.h"
+#include "src/session/cell_weights.h"
 #include "src/session/frame_buffers.h"
 
 namespace trex {
@@ -24,6 +25,9 @@ namespace trex {
 struct NoisyPixels {
   std::vector<vec3> mean, variance;
 };
+
+/// Of a pixel, from which on they tell their own variance.
+inline constexpr std::uint64_t kPairsEnough = 2;
 
 /// The differences between exact paths and guess.
 NoisyPixels exactDifferences(const FrameBuffers& frame);
@@ -45,10 +49,10 @@ class MeasuredCorrection {
   double errorLeft() const { return errorLeft_; }
 
  private:
-  struct Weights;
+  struct Shared;
   GuessFilter filterOf(const FeatureImage& features, std::uint32_t half) const;
   GuessFilter filterOfAll(const FeatureImage& features) const;
-  Weights measure(const std::vector<vec3>& weigh) const;
+  CellWeights<Shared> measure(const std::vector<vec3>& weigh) const;
   BiasFigures biasOf(const std::vector<vec3>& weigh, std::uint32_t size) const;
 
   std::uint32_t width_, height_;

@@ -73,15 +73,16 @@ std::uint64_t sourceBytes(const Scene& scene) {
 constexpr const char* kBakeInstead =
     "; or trex bake --stream it to a bundle, which is read in parts";
 
-void refuse(const Preflight& p, const RenderSettings& settings, bool baked) {
+/// `less`: that would do with --exact 0.
+void refuse(const Preflight& p, const RenderSettings& settings, bool baked, bool less) {
   std::string table;
   for (const Preflight::Phase& phase : p.phases) {
     table += fmt::format(" {} {},", phase.name, formatBytes(phase.bytes));
   }
   table.back() = '.';
   fail(ExitCode::kMemoryOrDevice,
-       "needs about {}, allowed are {}:{} Make --max-memory larger, --size smaller, or use {}{}",
-       formatBytes(p.needed), formatBytes(p.allowed), table,
+       "needs about {}, allowed are {}:{} Make --max-memory larger, --size smaller, or use {}{}{}",
+       formatBytes(p.needed), formatBytes(p.allowed), table, less ? "--exact 0, or " : "",
        settings.device == RenderSettings::kNoDevice ? "a smaller model" : "--device none",
        baked ? "" : kBakeInstead);
 }
@@ -166,7 +167,14 @@ Preflight preflight(const Scene& scene, const RenderSettings& settings, const Pi
                          (settings.servesModel ? meshes + kFewestVoxelBytes : 0) +
                          settings.sharedBytes + frameBytes(settings, layers));
   logVerbose("memory: {:>10} allowed", formatBytes(p.allowed));
-  if (p.needed > p.allowed) refuse(p, settings, bakedVoxels.has_value());
+  if (p.needed > p.allowed) {
+    RenderSettings guess = settings;
+    guess.exact = 0.0;
+    guess.dial = false;
+    const std::uint64_t saved = frameBytes(settings, layers) - frameBytes(guess, layers);
+    refuse(p, settings, bakedVoxels.has_value(),
+           settings.exact < 1.0 && p.needed - saved <= p.allowed);
+  }
   if (voxels) {
     // What does not fit on the device is paged.
     p.voxelBytes = kFewestVoxelBytes + (p.allowed - p.needed) / kVoxelCopies;

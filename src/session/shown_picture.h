@@ -14,6 +14,9 @@
 
 namespace trex {
 
+/// Pairs of a pixel, on average, from which on a correction is looked for.
+inline constexpr double kPairsThatTell = 0.5;
+
 struct ShownOptions {
   DenoiseMethod method = DenoiseMethod::kOff;
   bool pairs = false;  ///< the frame keeps differences
