@@ -47,18 +47,17 @@ void UnfilteredPixels::measure(std::size_t tile) {
     }
   };
   std::uint64_t fewest = ~std::uint64_t{0};
-  dvec3 mean(0.0), squares(0.0);
-  double pairs = 0.0;
+  dvec3 mean(0.0), variance(0.0);
   each([&](std::uint32_t x, std::uint32_t y) {
     const Moments d = frame_.sums.difference(x, y);
     fewest = std::min(fewest, d.count());
-    pairs += static_cast<double>(d.count());
-    squares += d.squares();
+    variance += d.varianceOfMean() * static_cast<double>(d.count());
     mean += frame_.sums.guess(x, y).mean();
   });
   if (fewest < kPairsEnough) return;
-  known_[tile] = {true, squares / pairs};
-  mean /= double{1} * area.width * area.height;
+  const double pixels = double{1} * area.width * area.height;
+  known_[tile] = {true, variance / pixels};
+  mean /= pixels;
   const dvec3 weigh = 1.0 / (mean * mean + kDark * overChannels(mean * mean) / 3.0 + 1e-30);
   each([&](std::uint32_t x, std::uint32_t y) {
     const dvec3 d = frame_.sums.difference(x, y).mean(), v = weigh * differenceVariance(x, y);
@@ -71,7 +70,7 @@ void UnfilteredPixels::measure(std::size_t tile) {
 dvec3 UnfilteredPixels::differenceVariance(std::uint32_t x, std::uint32_t y) const {
   const Moments d = frame_.sums.difference(x, y);
   return glm::max(d.varianceOfMean(),
-                  known_[frame_.tiles.tileAt(x, y)].square / static_cast<double>(d.count()));
+                  known_[frame_.tiles.tileAt(x, y)].variance / static_cast<double>(d.count()));
 }
 
 /// Of a pixel's differences, what is added.
@@ -119,7 +118,7 @@ double UnfilteredPixels::estimatedError() const {
     if (!known_[frame_.tiles.tileAt(x, y)].enough) continue;
     const double left = 1.0 - part(x, y);
     const dvec3 d = sums.difference(x, y).mean();
-    bias += left * left * overChannels(w * (d * d - differenceVariance(x, y)));
+    bias += left * left * overChannels(w * (d * d - sums.difference(x, y).varianceOfMean()));
   }
   return (noise + std::max(bias, 0.0)) / (3.0 * static_cast<double>(picture.size()));
 }

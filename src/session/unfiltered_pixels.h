@@ -39,7 +39,7 @@ class UnfilteredPixels {
   /// Of a tile.
   struct Known {
     bool enough = false;  ///< each pixel has two pairs
-    dvec3 square{0.0};    ///< mean of one difference's
+    dvec3 variance{0.0};  ///< of one difference, its pixels' mean
   };
 
   void measure(std::size_t tile);
