@@ -60,14 +60,12 @@ struct MeasuredCorrection::Shared {
 
 MeasuredCorrection::MeasuredCorrection(const FeatureImage& features, NoisyPixels noisy,
                                        const std::vector<float>& scattering)
-    : width_(features.width()),
+    : features_(&features),
+      width_(features.width()),
       height_(features.height()),
       scattering_(scattering),
       raw_(std::move(noisy.mean)),
-      variance_(std::move(noisy.variance)) {
-  for (std::uint32_t half = 0; half < 2; ++half) filters_.push_back(filterOf(features, half));
-  filters_.push_back(filterOfAll(features));
-}
+      variance_(std::move(noisy.variance)) {}
 
 /// In a tile where pixels lack pairs sums are divided by how many a pixel has there on average:
 /// unbiased, however few they are.
@@ -104,7 +102,7 @@ NoisyPixels exactDifferences(const FrameBuffers& frame) {
 }
 
 /// The filter of the pixels of one half; the others are the mean of those around them.
-GuessFilter MeasuredCorrection::filterOf(const FeatureImage& features, std::uint32_t half) const {
+GuessFilter MeasuredCorrection::filterOf(std::uint32_t half) const {
   std::vector<vec3> difference = raw_, spread = variance_;
   for (std::uint32_t y = 0; y < height_; ++y) {
     for (std::uint32_t x = 0; x < width_; ++x) {
@@ -130,25 +128,27 @@ GuessFilter MeasuredCorrection::filterOf(const FeatureImage& features, std::uint
       spread[i] /= scattering_[i] * scattering_[i];
     }
   }
-  return {features, difference, spread, true};
+  return {*features_, difference, spread, true};
 }
 
-GuessFilter MeasuredCorrection::filterOfAll(const FeatureImage& features) const {
+GuessFilter MeasuredCorrection::filterOfAll() const {
   std::vector<vec3> difference = raw_, spread = variance_;
   for (std::size_t i = 0; i < raw_.size(); ++i) {
     difference[i] /= scattering_[i];
     spread[i] /= scattering_[i] * scattering_[i];
   }
-  return {features, difference, spread, true};
+  return {*features_, difference, spread, true};
 }
 
 bool MeasuredCorrection::advance(const std::function<bool()>& keepGoing) {
   std::vector<vec3>* const results[] = {&filtered_[0], &filtered_[1], &all_};
-  for (std::size_t f = 0; f < filters_.size(); ++f) {
+  for (std::uint32_t f = 0; f < 3; ++f) {
     std::vector<vec3>& result = *results[f];
     if (!result.empty()) continue;
-    if (!filters_[f].advance(keepGoing)) return false;
-    result = filters_[f].result();
+    if (!filter_) filter_.emplace(f < 2 ? filterOf(f) : filterOfAll());
+    if (!filter_->advance(keepGoing)) return false;
+    result = filter_->result();
+    filter_.reset();
     for (std::size_t i = 0; i < result.size(); ++i) result[i] *= scattering_[i];
   }
   return true;

@@ -35,8 +35,8 @@ struct ShownOptions {
 std::vector<vec3> denoiseFrame(const FrameBuffers& frame, const FeatureImage& features,
                                DenoiseMethod method);
 
-/// One picture under way, of the frame as it was when this was made; to be spread the frame
-/// must outlive it, and may get more samples, but not begin anew. One thread at a time.
+/// One picture under way, of the frame as it was when this was made; to be spread or corrected
+/// the frame must outlive it, and may get more samples, but not begin anew. One thread at a time.
 class ShownPicture {
  public:
   /// Open Image Denoise, which can't be interrupted, does its part here; Error(kMemoryOrDevice) if
