@@ -28,6 +28,7 @@ constexpr std::uint64_t kVoxelCopies = 6;           // built; kept, on the devic
 constexpr std::uint64_t kLightCopies = 5;  // beside the tree: on the device, flux, light, tables
 constexpr std::uint64_t kFewestVoxelBytes = 4u << 20;
 constexpr std::uint64_t kProgramBytes = 128u << 20;  // with the libraries that read images
+constexpr std::uint64_t kCorrectionBytes = 96;      // a pixel's differences, in its parts
 constexpr std::uint64_t kDeviceBytes = 96u << 20;    // driver, compiled shaders, batches of cones
 
 std::uint64_t allowedBytes(const RenderSettings& settings) {
@@ -47,10 +48,10 @@ std::uint64_t frameBytes(const RenderSettings& s, const PictureLayers& layers) {
   if (layers.alpha) bytes += pixels * CoverageImage::kBytesAPixel;
   if (layers.needsFirstHit()) bytes += pixels * FirstHitImage::kBytesAPixel;
   // One after the other: the filter is for the correction, and takes over if the other fails.
-  // A dial has two at a time, and to estimate the error another frame's features.
-  const std::uint64_t filters = s.dial ? 2 : 1;
-  std::uint64_t denoiser = filter ? filters * GuessFilter::bytesNeeded(s.width, s.height) : 0;
+  // A dial needs another frame's features to estimate the error.
+  std::uint64_t denoiser = filter ? GuessFilter::bytesNeeded(s.width, s.height) : 0;
   if (filter && s.dial) bytes += FeatureImage::bytesNeeded(s.width, s.height);
+  if (filter && pairs) bytes += pixels * kCorrectionBytes;
   if (oidn) denoiser = std::max(denoiser, Oidn::bytesNeeded(s.width, s.height));
   bytes += denoiser;
   // The picture, and what its file's writer holds of it.

@@ -39,7 +39,7 @@ std::vector<vec3> collect(std::uint32_t width, std::uint32_t height, std::uint32
 /// `doubt`: variance of `missing`, which counts as far as it stands out of it.
 void makeUp(std::vector<vec3>& lit, double missing, double doubt) {
   constexpr double kDoubt = 4.0;  // of variances, as in the filter
-  if (doubt > 0.0) missing *= missing * missing / (missing * missing + kDoubt * doubt);
+  if (doubt > 0.0) missing *= std::max(1.0 - kDoubt * doubt / (missing * missing), 0.0);
   constexpr double kMost = 2.0;
   double sum = 0.0;
   for (const vec3& v : lit) sum += static_cast<double>(v.x + v.y + v.z);

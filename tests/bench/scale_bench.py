@@ -30,7 +30,7 @@ def row(a, count):
                                    a.max_memory, *voxels)
     n = bake["triangles"]
     picture = a.picture or os.path.join(a.folder, "scale.exr")
-    common = ["--size", a.size, "--spp", a.spp, "--max-memory", a.max_memory, "--json", "--device", "none"]
+    common = ["--size", a.size, "--spp", a.spp, "--max-memory", a.max_memory, "--json", "--device", "none", "--exact", "0"]
     render, _, render_peak = run(a.trex, "render", bundle, "-o", picture, *common)
     out = {"triangles": n, "sort_m_per_second": n / bake["sort_seconds"] / 1e6,
            "cluster_m_per_second": n / bake["mesh_build_seconds"] / 1e6,
