@@ -88,6 +88,7 @@ void setExact(const std::string& text, RenderSettings& settings) {
 }
 
 void addExact(CLI::App& command, RenderSettings& settings) {
+  setExact("auto", settings);
   command
       .add_option_function<std::string>(
           "--exact", [&settings](const std::string& text) { setExact(text, settings); },

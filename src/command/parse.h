@@ -18,7 +18,7 @@ std::uint64_t parseBytes(const std::string& text);
 int parseDevice(const std::string& text);
 /// Sets the share of exact samples to "auto" or 0 to 1; Error(kUsage) else.
 void setExact(const std::string& text, RenderSettings& settings);
-/// Adds --exact.
+/// Adds --exact, and sets its default, auto.
 void addExact(CLI::App& command, RenderSettings& settings);
 /// Adds what decides how a model is read: --strict, --unit, --up,
 /// --scene, --variant, --animation and --at.

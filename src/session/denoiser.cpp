@@ -37,9 +37,12 @@ double secondsOf(const Run& run) {
 /// Seconds a pixel that the filter takes here, at most: every neighbour counts on an even picture.
 double filterSeconds() {
   constexpr std::uint32_t kSide = 64;
-  FeatureImage features(kSide, kSide);
-  const std::vector<vec3> even(kSide * kSide, vec3(1.0f));
-  return secondsOf([&] { denoiseGuess(features, even, even); }) / (kSide * kSide);
+  static const double seconds = [&] {
+    FeatureImage features(kSide, kSide);
+    const std::vector<vec3> even(kSide * kSide, vec3(1.0f));
+    return secondsOf([&] { denoiseGuess(features, even, even); }) / (kSide * kSide);
+  }();
+  return seconds;
 }
 
 /// Seconds a pixel of the quick way.
@@ -62,7 +65,7 @@ void warnOfBroken(const std::string& problem) {
 /// The way that the time allows.
 DenoiseMethod oidnMethod(const RenderSettings& s) {
   const auto fits = [&](DenoiseMethod m) {
-    return !(s.seconds > 0.0) || denoiseSeconds(m, s) <= kMostTime * s.seconds;
+    return !(s.seconds > 0.0) || denoiseSeconds(m, s, false) <= kMostTime * s.seconds;
   };
   if (fits(DenoiseMethod::kOidnThorough)) return DenoiseMethod::kOidnThorough;
   const bool asked = s.denoise == Denoise::kOidn;
@@ -99,14 +102,14 @@ DenoiseMethod denoiseMethod(const RenderSettings& s) {
   return untouched ? DenoiseMethod::kOff : DenoiseMethod::kFilter;
 }
 
-double denoiseSeconds(DenoiseMethod method, const RenderSettings& s) {
+double denoiseSeconds(DenoiseMethod method, const RenderSettings& s, bool corrected) {
   if (method == DenoiseMethod::kOff) return 0.0;
-  const bool pairs = s.exact > 0.0 && s.exact < 1.0;
-  const double corrections = !pairs ? 0.0 : s.dial ? 2.0 : 1.0;  // a dial's: of two halves
   const double pixels = static_cast<double>(s.width) * s.height;
+  const double corrections = !corrected ? 0.0 : s.dial ? 2.0 : 1.0;  // a dial's: of two halves
   if (!isOidn(method)) return (1.0 + corrections) * filterSeconds() * pixels;
   const double times = method == DenoiseMethod::kOidnThorough ? kThorough : 1.0;
-  return (times * oidnSeconds(*findOidn().library) + corrections * filterSeconds()) * pixels;
+  const double guess = times * oidnSeconds(*findOidn().library);
+  return (guess + (corrected ? corrections * filterSeconds() : 0.0)) * pixels;
 }
 
 std::string denoiserName(DenoiseMethod method) {

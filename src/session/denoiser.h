@@ -23,8 +23,9 @@ bool mayUseOidn(const RenderSettings& settings);
 /// more than a quarter of the time is not taken by `auto`. Throws as mayUseOidn().
 DenoiseMethod denoiseMethod(const RenderSettings& settings);
 
-/// Seconds that denoising a whole picture takes here, about.
-double denoiseSeconds(DenoiseMethod method, const RenderSettings& settings);
+/// Seconds that denoising a whole picture takes here, about: the guess alone, and with a
+/// correction by pairs.
+double denoiseSeconds(DenoiseMethod method, const RenderSettings& settings, bool corrected);
 
 /// "none", "filter", or "oidn VERSION (DEVICE)".
 std::string denoiserName(DenoiseMethod method);

@@ -115,7 +115,7 @@ double Dial::share() const {
 
 /// Over the pixels.
 double Dial::mean(double DialTile::*value) const {
-  if (nextLook_ == kFirstLook) return -1.0;
+  if (nextLook_ == firstLook()) return -1.0;
   double sum = 0.0, samples = 0.0;
   for (const DialTile& t : tiles_) {
     const auto own = static_cast<double>(t.pairs + t.guesses);
@@ -147,6 +147,7 @@ void Dial::look(std::span<const Tile> tiles, std::uint32_t samples, const Accumu
   tbb::parallel_for(std::size_t{0}, tiles.size(), [&](std::size_t i) {
     const DialTile& t = tiles_[i];
     ShareFigures& f = figures[i] = measureShares(tiles[i], sums);
+    f.pooling = use_.pooling;
     // A tile all of whose samples are pairs, or none, knows nothing of costs: they count as equal.
     if (t.guesses > 0) f.guessCost = std::max(each(t.guessRays, t.guesses), 1.0);
     f.pairCost = f.guessCost;
@@ -159,19 +160,20 @@ void Dial::look(std::span<const Tile> tiles, std::uint32_t samples, const Accumu
   for (std::size_t i = 0; i < tiles.size(); ++i) {
     tiles_[i].share = shares[i];
     const double error = expectedError(figures[i], samples, figures[i].pairs);
-    tiles_[i].noise = figures[i].guessVariance / (kPooledGuesses * samples);
+    tiles_[i].noise = figures[i].guessVariance / (use_.pooling.guesses * samples);
     tiles_[i].bias = error - tiles_[i].noise;
   }
 }
 
 void Dial::restart() {
   tiles_.assign(tiles_.size(), {});
-  nextLook_ = kFirstLook;
+  nextLook_ = firstLook();
 }
 
 void Dial::restore(std::uint32_t samples) {
-  for (nextLook_ = kFirstLook; nextLook_ <= samples && nextLook_ < 1u << 30;)
-    nextLook_ += nextLook_ / 2;
+  for (nextLook_ = firstLook(); nextLook_ <= samples && nextLook_ < 1u << 30;) {
+    nextLook_ += use_.seldom ? 3 * nextLook_ : nextLook_ / 2;
+  }
 }
 
 }  // namespace trex

@@ -27,13 +27,27 @@ struct DialTile {
 };
 static_assert(sizeof(DialTile) == 7 * 8);
 
+/// What a dial is for.
+struct DialUse {
+  Pooling pooling{};  ///< by the picture's filter
+  /// It looks at 16, 64, 256, ... samples alone, where light changes anyway: those of a model in
+  /// pages share what they load of it until they wait for each other.
+  bool seldom = false;
+};
+
 /// Not thread safe.
 class Dial {
  public:
   /// Of a picture of so many tiles and pixels.
-  Dial(std::size_t tiles, std::uint64_t pixels) : tiles_(tiles), pixels_(pixels) {}
+  Dial(std::size_t tiles, std::uint64_t pixels, const DialUse& use = {})
+      : tiles_(tiles), pixels_(pixels), use_(use), nextLook_(firstLook()) {}
 
   const DialTile& tile(std::size_t tile) const { return tiles_[tile]; }
+  /// Of the samples of this number in a tile, those that are traced exactly as well. None of the
+  /// first: no correction can be made of so few, and a first picture must not wait for them.
+  double share(std::size_t tile, std::uint32_t sample) const {
+    return sample == 0 ? 0.0 : tiles_[tile].share;
+  }
   /// Pairs of all samples so far.
   double share() const;
   /// The parts of the picture's expected relMSE, as of the last look; negative before the first.
@@ -58,12 +72,12 @@ class Dial {
 
  private:
   double mean(double DialTile::*value) const;
+  std::uint32_t firstLook() const { return use_.seldom ? 16 : 2; }
 
   std::vector<DialTile> tiles_;
   std::uint64_t pixels_;
-  std::uint32_t nextLook_ = kFirstLook;
-
-  static constexpr std::uint32_t kFirstLook = 2;
+  DialUse use_;
+  std::uint32_t nextLook_;
 };
 
 /// What an area's sums say of guesses and differences; costs are 1 and 0. Within a block of each

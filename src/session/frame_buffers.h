@@ -30,9 +30,8 @@ struct FrameBuffers {
   TileScheduler tiles;
 
   FrameBuffers(std::uint32_t width, std::uint32_t height, bool pairs, bool filtered,
-               const PictureLayers& layers, TileScheduler scheduler, bool dialled = false)
+               const PictureLayers& layers, TileScheduler scheduler)
       : sums(width, height, pairs), tiles(std::move(scheduler)) {
-    if (dialled) dial = std::make_unique<Dial>(tiles.tiles().size(), std::uint64_t{width} * height);
     if (filtered || layers.needsFeatures()) {
       features = std::make_unique<FeatureImage>(width, height);
     }
@@ -40,6 +39,15 @@ struct FrameBuffers {
     if (layers.alpha) coverage = std::make_unique<CoverageImage>(width, height);
     if (layers.needsFirstHit()) firstHits = std::make_unique<FirstHitImage>(width, height);
     if (layers.rayClass) rayClasses = std::make_unique<RayClassImage>(width, height);
+  }
+
+  /// A pixel's mean before any filter, for a glance, and its variance. With a dial it is that of
+  /// its guesses: few pairs add noise, and do not tell how much.
+  dvec3 rawMean(std::uint32_t x, std::uint32_t y) const {
+    return dial ? sums.guess(x, y).mean() : sums.mean(x, y);
+  }
+  dvec3 rawVariance(std::uint32_t x, std::uint32_t y) const {
+    return dial ? sums.guess(x, y).varianceOfMean() : sums.varianceOfMean(x, y);
   }
 
   /// `other`: a frame of the same view, whose looks go on being this one's.

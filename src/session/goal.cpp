@@ -9,14 +9,14 @@ constexpr std::uint32_t kFirstLook = 16;
 
 }  // namespace
 
-Goal::Goal(const RenderSettings& s, double afterwards)
+Goal::Goal(const RenderSettings& s)
     : samples_(s.samples),
       seconds_(s.seconds),
       error_(s.error),
       part_(s.dial ? 3 : 8),
-      nextLook_(kFirstLook) {
-  if (s.seconds > 0.0) seconds_ = std::max(s.seconds - afterwards, 0.1 * s.seconds);
-}
+      nextLook_(kFirstLook) {}
+
+double Goal::secondsOfSamples() const { return std::max(seconds_ - afterwards_, 0.1 * seconds_); }
 
 bool Goal::reached(std::uint32_t samples, double seconds) const {
   const bool enough = samples_ > 0 && samples >= samples_;
@@ -24,12 +24,12 @@ bool Goal::reached(std::uint32_t samples, double seconds) const {
 }
 
 bool Goal::late(std::uint32_t samples, double seconds) const {
-  return seconds_ > 0.0 && samples > 0 && seconds >= seconds_;
+  return seconds_ > 0.0 && samples > 0 && seconds >= secondsOfSamples();
 }
 
 double Goal::progress(double samples, double seconds) const {
   double done = samples_ > 0 ? samples / samples_ : 0.0;
-  if (seconds_ > 0.0) done = std::max(done, seconds / seconds_);
+  if (seconds_ > 0.0) done = std::max(done, seconds / secondsOfSamples());
   if (error_ > 0.0) done = std::max(done, error_ / estimate_);
   return std::min(done, 1.0);
 }

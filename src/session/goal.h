@@ -12,8 +12,9 @@ namespace trex {
 
 class Goal {
  public:
-  /// `afterwards`: of the settings' seconds those are kept free that the denoiser will take.
-  explicit Goal(const RenderSettings& settings, double afterwards = 0.0);
+  explicit Goal(const RenderSettings& settings);
+  /// Of the seconds so many are kept free from now on, for the denoiser.
+  void keepFree(double afterwards) { afterwards_ = afterwards; }
 
   /// `samples`: that every pixel has; `seconds` of rendering so far.
   bool reached(std::uint32_t samples, double seconds) const;
@@ -45,8 +46,11 @@ class Goal {
   }
 
  private:
+  double secondsOfSamples() const;
+
   std::uint32_t samples_;
   double seconds_, error_;
+  double afterwards_ = 0.0;      ///< of the seconds, not for samples
   std::uint32_t part_;           ///< of the samples, that many more until the next look
   std::uint32_t nextLook_;       ///< samples at which the error is estimated next
   double estimate_ = kInfinity;  ///< relMSE, as of the last look

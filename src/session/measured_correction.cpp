@@ -6,10 +6,7 @@
 namespace trex {
 namespace {
 
-constexpr std::uint32_t kCell = 32;  // pixels that share a weight, before weights are smoothed
-constexpr float kFaint = 0.01f;      // of squares in relMSE
-constexpr double kSurely = 2.0;      // standard errors that count as noise
-constexpr std::uint64_t kPairsEnough = 2;
+constexpr float kFaint = 0.01f;  // of squares in relMSE
 
 double dotOf(const vec3& a, const vec3& b) { return static_cast<double>(glm::dot(a, b)); }
 
@@ -45,76 +42,30 @@ std::vector<vec3> relativeWeights(const std::vector<vec3>& picture) {
 }
 
 /// Sums of a cell, and the weight that follows.
-struct MeasuredCorrection::Weights {
-  struct Cell {
-    double shared = 0.0, doubt = 0.0, square = 0.0;
-    void add(const Cell& o) {
-      shared += o.shared;
-      doubt += o.doubt;
-      square += o.square;
-    }
-    /// Of both halves together, whose noise is half of one's.
-    double weight() const {
-      const double sure = shared - kSurely * std::sqrt(doubt);
-      if (!(sure > 0.0) || !(square > 0.0)) return 0.0;
-      const double one = std::min(sure / square, 1.0);
-      return 2.0 * one / (1.0 + one);
-    }
-  };
-  std::uint32_t columns, rows;
-  std::vector<Cell> cells;
-  std::vector<float> smooth;
-
-  Weights(std::uint32_t width, std::uint32_t height)
-      : columns((width + kCell - 1) / kCell),
-        rows((height + kCell - 1) / kCell),
-        cells(std::size_t{columns} * rows) {}
-  Cell& of(std::uint32_t x, std::uint32_t y) {
-    return cells[std::size_t{y / kCell} * columns + x / kCell];
+struct MeasuredCorrection::Shared {
+  double shared = 0.0, doubt = 0.0, square = 0.0;
+  void add(const Shared& o) {
+    shared += o.shared;
+    doubt += o.doubt;
+    square += o.square;
   }
-  /// Each cell together with its neighbours.
-  void settle() {
-    smooth.resize(cells.size());
-    for (std::uint32_t y = 0; y < rows; ++y) {
-      for (std::uint32_t x = 0; x < columns; ++x) {
-        Cell sum;
-        for (std::uint32_t v = y > 0 ? y - 1 : 0; v <= std::min(y + 1, rows - 1); ++v) {
-          for (std::uint32_t u = x > 0 ? x - 1 : 0; u <= std::min(x + 1, columns - 1); ++u) {
-            sum.add(cells[std::size_t{v} * columns + u]);
-          }
-        }
-        smooth[std::size_t{y} * columns + x] = static_cast<float>(sum.weight());
-      }
-    }
-  }
-  /// Between the centres of cells.
-  float at(std::uint32_t x, std::uint32_t y) const {
-    const auto place = [](std::uint32_t pixel, std::uint32_t count) {
-      const float p = (static_cast<float>(pixel) + 0.5f) / static_cast<float>(kCell) - 0.5f;
-      return std::clamp(p, 0.0f, static_cast<float>(count - 1));
-    };
-    const float px = place(x, columns), py = place(y, rows);
-    const auto x0 = static_cast<std::uint32_t>(px), y0 = static_cast<std::uint32_t>(py);
-    const std::uint32_t x1 = std::min(x0 + 1, columns - 1), y1 = std::min(y0 + 1, rows - 1);
-    const auto cell = [&](std::uint32_t u, std::uint32_t v) {
-      return smooth[std::size_t{v} * columns + u];
-    };
-    const float fx = px - static_cast<float>(x0), fy = py - static_cast<float>(y0);
-    return glm::mix(glm::mix(cell(x0, y0), cell(x1, y0), fx),
-                    glm::mix(cell(x0, y1), cell(x1, y1), fx), fy);
+  /// Of both halves together, whose noise is half of one's.
+  double weight() const {
+    const double sure = shared - kSurely * std::sqrt(doubt);
+    if (!(sure > 0.0) || !(square > 0.0)) return 0.0;
+    const double one = std::min(sure / square, 1.0);
+    return 2.0 * one / (1.0 + one);
   }
 };
 
 MeasuredCorrection::MeasuredCorrection(const FeatureImage& features, NoisyPixels noisy,
                                        const std::vector<float>& scattering)
-    : width_(features.width()),
+    : features_(&features),
+      width_(features.width()),
       height_(features.height()),
       scattering_(scattering),
       raw_(std::move(noisy.mean)),
-      variance_(std::move(noisy.variance)) {
-  for (std::uint32_t half = 0; half < 2; ++half) filters_.push_back(filterOf(features, half));
-  filters_.push_back(filterOfAll(features));
-}
+      variance_(std::move(noisy.variance)) {}
 
 /// In a tile where pixels lack pairs sums are divided by how many a pixel has there on average:
 /// unbiased, however few they are.
@@ -151,7 +102,7 @@ NoisyPixels exactDifferences(const FrameBuffers& frame) {
 }
 
 /// The filter of the pixels of one half; the others are the mean of those around them.
-GuessFilter MeasuredCorrection::filterOf(const FeatureImage& features, std::uint32_t half) const {
+GuessFilter MeasuredCorrection::filterOf(std::uint32_t half) const {
   std::vector<vec3> difference = raw_, spread = variance_;
   for (std::uint32_t y = 0; y < height_; ++y) {
     for (std::uint32_t x = 0; x < width_; ++x) {
@@ -177,32 +128,35 @@ GuessFilter MeasuredCorrection::filterOf(const FeatureImage& features, std::uint
       spread[i] /= scattering_[i] * scattering_[i];
     }
   }
-  return {features, difference, spread, true};
+  return {*features_, difference, spread, true};
 }
 
-GuessFilter MeasuredCorrection::filterOfAll(const FeatureImage& features) const {
+GuessFilter MeasuredCorrection::filterOfAll() const {
   std::vector<vec3> difference = raw_, spread = variance_;
   for (std::size_t i = 0; i < raw_.size(); ++i) {
     difference[i] /= scattering_[i];
     spread[i] /= scattering_[i] * scattering_[i];
   }
-  return {features, difference, spread, true};
+  return {*features_, difference, spread, true};
 }
 
 bool MeasuredCorrection::advance(const std::function<bool()>& keepGoing) {
   std::vector<vec3>* const results[] = {&filtered_[0], &filtered_[1], &all_};
-  for (std::size_t f = 0; f < filters_.size(); ++f) {
+  for (std::uint32_t f = 0; f < 3; ++f) {
     std::vector<vec3>& result = *results[f];
     if (!result.empty()) continue;
-    if (!filters_[f].advance(keepGoing)) return false;
-    result = filters_[f].result();
+    if (!filter_) filter_.emplace(f < 2 ? filterOf(f) : filterOfAll());
+    if (!filter_->advance(keepGoing)) return false;
+    result = filter_->result();
+    filter_.reset();
     for (std::size_t i = 0; i < result.size(); ++i) result[i] *= scattering_[i];
   }
   return true;
 }
 
-MeasuredCorrection::Weights MeasuredCorrection::measure(const std::vector<vec3>& weigh) const {
-  Weights weights(width_, height_);
+CellWeights<MeasuredCorrection::Shared> MeasuredCorrection::measure(
+    const std::vector<vec3>& weigh) const {
+  CellWeights<Shared> weights(width_, height_);
   for (std::uint32_t y = 0; y < height_; ++y) {
     for (std::uint32_t x = 0; x < width_; ++x) {
       const std::size_t i = std::size_t{y} * width_ + x;
@@ -244,7 +198,7 @@ BiasFigures MeasuredCorrection::biasOf(const std::vector<vec3>& weigh, std::uint
 
 std::vector<vec3> MeasuredCorrection::take(const std::vector<vec3>& picture) {
   const std::vector<vec3> weigh = relativeWeights(picture);
-  const Weights weights = measure(weigh);
+  const CellWeights<Shared> weights = measure(weigh);
   std::vector<vec3> out(picture.size());
   double captured = 0.0;
   for (std::uint32_t y = 0; y < height_; ++y) {

@@ -13,9 +13,11 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <vector>
 
 #include "src/frame/denoise.h"
+#include "src/session/cell_weights.h"
 #include "src/session/frame_buffers.h"
 
 namespace trex {
@@ -25,16 +27,20 @@ struct NoisyPixels {
   std::vector<vec3> mean, variance;
 };
 
+/// Of a pixel, from which on they tell their own variance.
+inline constexpr std::uint64_t kPairsEnough = 2;
+
 /// The differences between exact paths and guess.
 NoisyPixels exactDifferences(const FrameBuffers& frame);
 
 /// What the square of an error at each value of a picture weighs in relMSE.
 std::vector<vec3> relativeWeights(const std::vector<vec3>& picture);
 
-/// One correction under way, of the features as they were when this was made. One thread at a time.
+/// One correction under way. One thread at a time.
 class MeasuredCorrection {
  public:
-  /// `scattering`: FeatureImage::scattering() of each pixel, 1 where that is 0.
+  /// `features` must outlive this; they may get more samples, but not begin anew. `scattering`:
+  /// FeatureImage::scattering() of each pixel, 1 where that is 0.
   MeasuredCorrection(const FeatureImage& features, NoisyPixels noisy,
                      const std::vector<float>& scattering);
   /// Works until done or keepGoing() says no; true once done.
@@ -45,17 +51,18 @@ class MeasuredCorrection {
   double errorLeft() const { return errorLeft_; }
 
  private:
-  struct Weights;
-  GuessFilter filterOf(const FeatureImage& features, std::uint32_t half) const;
-  GuessFilter filterOfAll(const FeatureImage& features) const;
-  Weights measure(const std::vector<vec3>& weigh) const;
+  struct Shared;
+  GuessFilter filterOf(std::uint32_t half) const;
+  GuessFilter filterOfAll() const;
+  CellWeights<Shared> measure(const std::vector<vec3>& weigh) const;
   BiasFigures biasOf(const std::vector<vec3>& weigh, std::uint32_t size) const;
 
+  const FeatureImage* features_;
   std::uint32_t width_, height_;
   std::vector<float> scattering_;
   std::vector<vec3> raw_, variance_;
   std::vector<vec3> filtered_[2], all_;  ///< of each half, which tells how much of all is true
-  std::vector<GuessFilter> filters_;
+  std::optional<GuessFilter> filter_;    ///< the one under way: they are large, and dear to begin
   double errorLeft_ = 0.0;
 };
 

@@ -28,6 +28,7 @@ constexpr std::uint64_t kVoxelCopies = 6;           // built; kept, on the devic
 constexpr std::uint64_t kLightCopies = 5;  // beside the tree: on the device, flux, light, tables
 constexpr std::uint64_t kFewestVoxelBytes = 4u << 20;
 constexpr std::uint64_t kProgramBytes = 128u << 20;  // with the libraries that read images
+constexpr std::uint64_t kCorrectionBytes = 96;      // a pixel's differences, in its parts
 constexpr std::uint64_t kDeviceBytes = 96u << 20;    // driver, compiled shaders, batches of cones
 
 std::uint64_t allowedBytes(const RenderSettings& settings) {
@@ -47,10 +48,10 @@ std::uint64_t frameBytes(const RenderSettings& s, const PictureLayers& layers) {
   if (layers.alpha) bytes += pixels * CoverageImage::kBytesAPixel;
   if (layers.needsFirstHit()) bytes += pixels * FirstHitImage::kBytesAPixel;
   // One after the other: the filter is for the correction, and takes over if the other fails.
-  // A dial has two at a time, and to estimate the error another frame's features.
-  const std::uint64_t filters = s.dial ? 2 : 1;
-  std::uint64_t denoiser = filter ? filters * GuessFilter::bytesNeeded(s.width, s.height) : 0;
+  // A dial needs another frame's features to estimate the error.
+  std::uint64_t denoiser = filter ? GuessFilter::bytesNeeded(s.width, s.height) : 0;
   if (filter && s.dial) bytes += FeatureImage::bytesNeeded(s.width, s.height);
+  if (filter && pairs) bytes += pixels * kCorrectionBytes;
   if (oidn) denoiser = std::max(denoiser, Oidn::bytesNeeded(s.width, s.height));
   bytes += denoiser;
   // The picture, and what its file's writer holds of it.
@@ -73,15 +74,16 @@ std::uint64_t sourceBytes(const Scene& scene) {
 constexpr const char* kBakeInstead =
     "; or trex bake --stream it to a bundle, which is read in parts";
 
-void refuse(const Preflight& p, const RenderSettings& settings, bool baked) {
+/// `less`: that would do with --exact 0.
+void refuse(const Preflight& p, const RenderSettings& settings, bool baked, bool less) {
   std::string table;
   for (const Preflight::Phase& phase : p.phases) {
     table += fmt::format(" {} {},", phase.name, formatBytes(phase.bytes));
   }
   table.back() = '.';
   fail(ExitCode::kMemoryOrDevice,
-       "needs about {}, allowed are {}:{} Make --max-memory larger, --size smaller, or use {}{}",
-       formatBytes(p.needed), formatBytes(p.allowed), table,
+       "needs about {}, allowed are {}:{} Make --max-memory larger, --size smaller, or use {}{}{}",
+       formatBytes(p.needed), formatBytes(p.allowed), table, less ? "--exact 0, or " : "",
        settings.device == RenderSettings::kNoDevice ? "a smaller model" : "--device none",
        baked ? "" : kBakeInstead);
 }
@@ -166,7 +168,14 @@ Preflight preflight(const Scene& scene, const RenderSettings& settings, const Pi
                          (settings.servesModel ? meshes + kFewestVoxelBytes : 0) +
                          settings.sharedBytes + frameBytes(settings, layers));
   logVerbose("memory: {:>10} allowed", formatBytes(p.allowed));
-  if (p.needed > p.allowed) refuse(p, settings, bakedVoxels.has_value());
+  if (p.needed > p.allowed) {
+    RenderSettings guess = settings;
+    guess.exact = 0.0;
+    guess.dial = false;
+    const std::uint64_t saved = frameBytes(settings, layers) - frameBytes(guess, layers);
+    refuse(p, settings, bakedVoxels.has_value(),
+           settings.exact < 1.0 && p.needed - saved <= p.allowed);
+  }
   if (voxels) {
     // What does not fit on the device is paged.
     p.voxelBytes = kFewestVoxelBytes + (p.allowed - p.needed) / kVoxelCopies;

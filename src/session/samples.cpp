@@ -143,10 +143,10 @@ void rateTile(FrameBuffers& frame, std::uint32_t tile) {
   double sum = 0.0, square = 0.0, noise = 0.0, count = 0.0;
   for (std::uint32_t y = 0; y < t.height; y += step) {
     for (std::uint32_t x = 0; x < t.width; x += step) {
-      const double value = luminance(frame.sums.mean(t.x + x, t.y + y));
+      const double value = luminance(frame.rawMean(t.x + x, t.y + y));
       sum += value;
       square += value * value;
-      if (state.sample >= 2) noise += luminance(frame.sums.varianceOfMean(t.x + x, t.y + y));
+      if (state.sample >= 2) noise += luminance(frame.rawVariance(t.x + x, t.y + y));
       count += 1.0;
     }
   }
@@ -243,7 +243,7 @@ bool SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
   for (PathJob& job : batch.jobs) {
     const double offset = toUnitFloat(hashCombine(hashCombine(job.x, job.y), seed_));
     const double share =
-        frame.dial ? frame.dial->tile(frame.tiles.tileAt(job.x, job.y)).share : exact_;
+        frame.dial ? frame.dial->share(frame.tiles.tileAt(job.x, job.y), job.sample) : exact_;
     job.paired = source.pairs && !job.look && takesExact(job.sample, share, offset);
   }
   if (source.batched) {

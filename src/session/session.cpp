@@ -7,16 +7,13 @@
 #include "src/core/threads.h"
 #include "src/paths/walk_tracer.h"
 #include "src/session/picture_error.h"
+#include "src/session/unfiltered_pixels.h"
 
 namespace trex {
 namespace {
 
 constexpr std::uint32_t kTileSize = 64;
 constexpr std::uint32_t kSharedAtOnce = 1u << 16;  // samples: machines wait for each other at looks
-
-double secondsAfterwards(DenoiseMethod method, const RenderSettings& settings) {
-  return settings.seconds > 0.0 ? denoiseSeconds(method, settings) : 0.0;
-}
 
 }  // namespace
 
@@ -27,11 +24,12 @@ Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
       model_(std::move(model)),
       view_(camera),
       method_(denoiseMethod(settings_)),
-      goal_(settings_, secondsAfterwards(method_, settings_)),
+      goal_(settings_),
       light_(settings_),
       samples_(model_->scene, settings_) {
   layers_.alpha |= settings_.transparent;
   makeFrames();
+  keepTimeFree();
   lights_ = std::make_unique<LightSet>(model_->scene, *model_->rays);
   report_.mesh = model_->rays->statistics();
   report_.meshSeconds = model_->meshSeconds;
@@ -113,6 +111,7 @@ void Session::perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer
         samples_.take(*frame_, source_, light_, going, pointer);
       }
       if (frame_->dial) frame_->dial->look(frame_->tiles.tiles(), samplesDone(), frame_->sums);
+      keepTimeFree();
       lookAtGoal();
       break;
     case Work::Kind::kPhotons:
@@ -135,6 +134,17 @@ std::uint32_t Session::nextLook() const {
   std::uint32_t next = frame_->dial ? frame_->dial->nextLook() : kAnySamples;
   if (settings_.error > 0.0) next = std::min(next, std::max(goal_.nextLook(), samplesDone() + 1));
   return next;
+}
+
+/// Of the seconds of the goal, for the denoiser.
+void Session::keepTimeFree() {
+  if (settings_.seconds > 0.0) goal_.keepFree(denoiseSeconds(method_, settings_, corrected()));
+}
+
+/// Whether the picture of now is corrected by pairs. A dial has enough of them after a while.
+bool Session::corrected() const {
+  if (!shownOptions().pairs) return false;
+  return !frame_->dial || frame_->dial->meanPairs() >= kPairsThatTell;
 }
 
 /// Estimates the error if it is a goal and an estimate is due.
@@ -172,10 +182,9 @@ double Session::progress() const {
 
 double Session::estimatedError(std::uint32_t stride) const {
   if (samplesDone() < 2) return -1.0;
-  if (!frame_->dial || method_ == DenoiseMethod::kOff || stride != 1) {
-    return frame_->sums.estimatedError(stride);
-  }
-  const double error = estimatePictureError(*frame_);
+  if (!frame_->dial || stride != 1) return frame_->sums.estimatedError(stride);
+  const double error = method_ == DenoiseMethod::kOff ? UnfilteredPixels(*frame_).estimatedError()
+                                                      : estimatePictureError(*frame_);
   return error < kInfinity ? error : -1.0;
 }
 
@@ -196,16 +205,22 @@ void Session::makeFrames() {
   const std::uint32_t width = settings_.width, height = settings_.height;
   PictureLayers kept = layers_;
   kept.direct |= mayUseOidn(settings_);
-  const auto make = [&](Order order, bool dialled) {
+  const bool filtered = method_ != DenoiseMethod::kOff;
+  const auto make = [&](Order order) {
     return std::make_unique<FrameBuffers>(
-        width, height, shownOptions().pairs, method_ != DenoiseMethod::kOff, kept,
-        TileScheduler(makeTiles(width, height, kTileSize), order, width, height), dialled);
+        width, height, shownOptions().pairs, filtered, kept,
+        TileScheduler(makeTiles(width, height, kTileSize), order, width, height));
   };
-  frame_ = make(settings_.interactive ? Order::kPerception : Order::kSweep, settings_.dial);
+  frame_ = make(settings_.interactive ? Order::kPerception : Order::kSweep);
+  if (settings_.dial) {
+    frame_->dial =
+        std::make_unique<Dial>(frame_->tiles.tiles().size(), pixels(),
+                               DialUse{filtered ? Pooling{} : Pooling::none(), inPages()});
+  }
   if (!settings_.interactive) return;
-  preview_ = make(Order::kPerception, false);
+  preview_ = make(Order::kPerception);
   // Media light what lies behind them, so that no look can tell what a pixel shows.
-  const bool looks = method_ != DenoiseMethod::kOff && model_->rays->media() == nullptr;
+  const bool looks = filtered && model_->rays->media() == nullptr;
   if (!looks) return;
   frame_->looks = std::make_shared<LookImage>(width, height);
   frame_->memory = std::make_shared<LightMemory>();

@@ -54,6 +54,7 @@
 namespace trex {
 
 class CheckpointReader;
+class UnfilteredPixels;
 
 /// Seconds by phase, counts and memory, for --json and the progress line.
 struct SessionReport {
@@ -167,8 +168,9 @@ class Session {
   std::uint32_t samplesDone() const { return frame_->tiles.samplesDone(); }
   /// Accumulator::estimatedError(); negative before two samples. Reads every pixel and its
   /// neighbours, some 20 ms at 640x360; only each stride-th pixel of each stride-th row if told so.
-  /// With a dial, a denoiser and stride 1 it is that of the denoised picture, with its bias:
-  /// estimatePictureError(); negative while that can't tell.
+  /// With a dial and stride 1 it is that of the picture shown, with its bias: by
+  /// estimatePictureError(), or UnfilteredPixels without a denoiser; negative while they can't
+  /// tell.
   double estimatedError(std::uint32_t stride = 1) const;
   /// A pair of a guess and an exact sample, beside the frame: for estimates of the bias.
   PathSample probe(std::uint32_t x, std::uint32_t y, std::uint32_t sample) const;
@@ -202,6 +204,8 @@ class Session {
   void perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer);
   void renewLight();
   void lookAtGoal();
+  void keepTimeFree();
+  bool corrected() const;
   std::uint32_t nextLook() const;
   void shootPhotons(std::uint64_t photons, const KeepGoing& keepGoing);
   void makeFrames();
@@ -217,7 +221,8 @@ class Session {
   std::vector<std::span<std::byte>> sums();
   std::vector<vec3> shown();
   std::vector<vec3> shownBy(DenoiseMethod method) const;
-  void addLayers(std::uint32_t x, std::uint32_t y, std::vector<float>& values) const;
+  void addLayers(const UnfilteredPixels& pixels, std::uint32_t x, std::uint32_t y,
+                 std::vector<float>& values) const;
 
   RenderSettings settings_;
   PictureLayers layers_;

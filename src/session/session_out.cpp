@@ -6,6 +6,7 @@
 #include "src/paths/walk_tracer.h"
 #include "src/session/checkpoint.h"
 #include "src/session/session.h"
+#include "src/session/unfiltered_pixels.h"
 
 namespace trex {
 
@@ -32,7 +33,7 @@ double Session::denoiseWithin(double seconds) {
   RenderSettings limited = settings_;
   limited.seconds = seconds;
   method_ = denoiseMethod(limited);
-  return denoiseSeconds(method_, limited);
+  return denoiseSeconds(method_, limited, corrected());
 }
 
 std::vector<vec3> Session::shownBy(DenoiseMethod method) const {
@@ -71,24 +72,26 @@ Picture Session::picture() {
   std::vector<float>& values = picture.values;
   values.reserve(picture.channels.size() * settings_.width * settings_.height);
   const std::vector<vec3> colors = shown();
+  const UnfilteredPixels pixels(*frame_);
   for (std::uint32_t y = 0; y < settings_.height; ++y) {
     for (std::uint32_t x = 0; x < settings_.width; ++x) {
       const vec3& color = colors[std::size_t{y} * settings_.width + x];
       values.insert(values.end(), {color.x, color.y, color.z});
-      addLayers(x, y, values);
+      addLayers(pixels, x, y, values);
     }
   }
   return picture;
 }
 
 /// The values of a pixel's layers, in the order of their channels.
-void Session::addLayers(std::uint32_t x, std::uint32_t y, std::vector<float>& values) const {
+void Session::addLayers(const UnfilteredPixels& pixels, std::uint32_t x, std::uint32_t y,
+                        std::vector<float>& values) const {
   const auto add = [&](const vec3& v) { values.insert(values.end(), {v.x, v.y, v.z}); };
   if (layers_.alpha) values.push_back(frame_->coverage->mean(x, y));
   if (layers_.needsSplit()) {
-    const dvec3 direct = frame_->direct->mean(x, y);
+    const dvec3 direct = pixels.direct(x, y);
     if (layers_.direct) add(vec3(direct));
-    if (layers_.indirect) add(vec3(frame_->sums.mean(x, y) - direct));
+    if (layers_.indirect) add(vec3(pixels.mean(x, y) - direct));
   }
   if (layers_.needsFeatures()) {
     const Feature f = frame_->features->mean(x, y);
@@ -103,7 +106,7 @@ void Session::addLayers(std::uint32_t x, std::uint32_t y, std::vector<float>& va
     if (layers_.materialId) values.push_back(hit.material);
   }
   if (layers_.sampleCount) values.push_back(static_cast<float>(frame_->sums.samples(x, y)));
-  if (layers_.variance) add(vec3(frame_->sums.varianceOfMean(x, y)));
+  if (layers_.variance) add(vec3(pixels.variance(x, y)));
   if (layers_.exactShare) {
     const double pairs = static_cast<double>(frame_->sums.pairs(x, y));
     const double samples = static_cast<double>(frame_->sums.samples(x, y));

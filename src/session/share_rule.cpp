@@ -6,8 +6,6 @@
 namespace trex {
 namespace {
 
-constexpr double kSurely = 2.0;  // standard errors of the mean bias that count as noise
-
 /// Pairs a pixel of a region, at most and at least, once there are `more` samples.
 double pairsAt(const ShareFigures& f, double reach, double more) {
   const double least = f.pairs + leastShare(f) * more, most = f.pairs + more;
@@ -17,8 +15,8 @@ double pairsAt(const ShareFigures& f, double reach, double more) {
   for (int k = 0; k < kScales; ++k) {
     const double bias = f.bias[k].square;
     if (!(bias > 0.0)) continue;
-    const double known = reach * std::sqrt(kPooledPairs[k] * f.pairVariance / f.pairCost);
-    wanted = std::max(wanted, (known - f.pairVariance / bias) / kPooledPairs[k]);
+    const double known = reach * std::sqrt(f.pooling.pairs[k] * f.pairVariance / f.pairCost);
+    wanted = std::max(wanted, (known - f.pairVariance / bias) / f.pooling.pairs[k]);
   }
   return std::min(wanted, most);
 }
@@ -51,11 +49,11 @@ double leastShare(const ShareFigures& f) {
 }
 
 double expectedError(const ShareFigures& f, double samples, double pairs) {
-  double error = f.guessVariance / (kPooledGuesses * samples);
+  double error = f.guessVariance / (f.pooling.guesses * samples);
   for (int k = 0; k < kScales; ++k) {
     const double bias = f.bias[k].square;
     if (!(bias > 0.0)) continue;
-    const double doubt = pairs > 0.0 ? f.pairVariance / (kPooledPairs[k] * pairs) : HUGE_VAL;
+    const double doubt = pairs > 0.0 ? f.pairVariance / (f.pooling.pairs[k] * pairs) : HUGE_VAL;
     error += doubt < HUGE_VAL ? bias * doubt / (bias + doubt) : bias;
   }
   return error;

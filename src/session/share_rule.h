@@ -13,6 +13,9 @@ struct BiasFigures {
   double square = 0.0, doubt = 0.0;
 };
 
+/// Standard errors of an estimate that count as noise.
+inline constexpr double kSurely = 2.0;
+
 /// Scales at which bias is told apart, pixels of a block each way, and how many pixels around one a
 /// filter of differences takes the mean of at each, about.
 inline constexpr int kScales = 2;
@@ -20,6 +23,14 @@ inline constexpr unsigned kBlockSides[kScales] = {8, 2};
 inline constexpr double kPooledPairs[kScales] = {32.0, 4.0};
 /// Likewise of guesses, whose detail limits the filter.
 inline constexpr double kPooledGuesses = 16.0;
+
+/// Pixels that a pixel's value is the mean of, about. Without a filter: itself alone.
+struct Pooling {
+  double guesses = kPooledGuesses;
+  double pairs[kScales] = {kPooledPairs[0], kPooledPairs[1]};
+
+  static constexpr Pooling none() { return {1.0, {1.0, 1.0}}; }
+};
 
 /// What is known of a region's samples. Variances and bias are relative: of values over
 /// mean^2 + 0.01 (mean of the region)^2, as in relMSE.
@@ -31,6 +42,7 @@ struct ShareFigures {
   double guessVariance = 0.0;   ///< of one guess
   double pairVariance = 0.0;    ///< of one difference between exact path and guess
   BiasFigures bias[kScales]{};  ///< of the guess, at each scale what coarser ones lack
+  Pooling pooling{};            ///< by the picture's filter
 };
 
 /// Shares are never less: pairs grow without end, so pictures converge.

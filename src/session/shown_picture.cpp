@@ -6,6 +6,7 @@
 
 #include "src/core/sampler.h"
 #include "src/frame/oidn.h"
+#include "src/session/unfiltered_pixels.h"
 
 namespace trex {
 namespace {
@@ -15,9 +16,7 @@ constexpr std::uint64_t kSamplesThatTell = 4;
 /// Pixels wide, of the lattice that light is filtered on before that: one of it has four times as
 /// many samples, which tell its noise from its light.
 constexpr std::uint32_t kLeastLattice = 2;
-/// Mean of the pixels, from which on a correction is looked for.
-constexpr double kPairsThatTell = 0.5;
-/// Likewise, well enough to tell what a denoiser that does not know them has lost.
+/// Of all pixels, well enough to tell what a denoiser that does not know them has lost.
 constexpr std::uint64_t kSamplesThatTellTheRest = 16;
 
 /// Calls value(x, y) for every pixel of the lattice, in parallel by rows.
@@ -40,7 +39,7 @@ std::vector<vec3> collect(std::uint32_t width, std::uint32_t height, std::uint32
 /// `doubt`: variance of `missing`, which counts as far as it stands out of it.
 void makeUp(std::vector<vec3>& lit, double missing, double doubt) {
   constexpr double kDoubt = 4.0;  // of variances, as in the filter
-  if (doubt > 0.0) missing *= missing * missing / (missing * missing + kDoubt * doubt);
+  if (doubt > 0.0) missing *= std::max(1.0 - kDoubt * doubt / (missing * missing), 0.0);
   constexpr double kMost = 2.0;
   double sum = 0.0;
   for (const vec3& v : lit) sum += static_cast<double>(v.x + v.y + v.z);
@@ -49,8 +48,16 @@ void makeUp(std::vector<vec3>& lit, double missing, double doubt) {
   for (vec3& v : lit) v *= scale;
 }
 
+template <typename Visit>
+void eachPixel(const Tile& tile, const Visit& visit) {
+  for (std::uint32_t y = tile.y; y < tile.y + tile.height; ++y) {
+    for (std::uint32_t x = tile.x; x < tile.x + tile.width; ++x) visit(x, y);
+  }
+}
+
 /// Pairs of a pixel, on average.
 double meanPairs(const FrameBuffers& frame) {
+  if (frame.dial) return frame.dial->meanPairs();
   const std::uint32_t width = frame.sums.width(), height = frame.sums.height();
   std::uint64_t all = 0;
   for (std::uint32_t y = 0; y < height; ++y) {
@@ -186,7 +193,8 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
     });
   };
   if (options.method == DenoiseMethod::kOff) {
-    picture_ = each([&](Pixel x, Pixel y) { return sums.mean(x, y); });
+    const UnfilteredPixels pixels(frame);
+    picture_ = each([&](Pixel x, Pixel y) { return pixels.mean(x, y); });
     return;
   }
   const FeatureImage& features = *frame.features;
@@ -236,28 +244,38 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
 /// What the guess of all pixels lacks, and its variance.
 void ShownPicture::addMissing(const FrameBuffers& frame) {
   const Accumulator& sums = frame.sums;
-  for (const Tile& tile : frame.tiles.tiles()) {
-    double sum = 0.0, squares = 0.0, pairs = 0.0;
-    for (std::uint32_t y = tile.y; y < tile.y + tile.height; ++y) {
-      for (std::uint32_t x = tile.x; x < tile.x + tile.width; ++x) {
-        const Moments d = sums.difference(x, y);
-        const dvec3 m = d.mean();
-        if (!frame.dial) {
-          missing_ += m.x + m.y + m.z;
-          continue;
-        }
-        const auto n = static_cast<double>(d.count());
-        const double one = m.x + m.y + m.z;
-        const dvec3 square = d.squares();
-        sum += one * n;
-        squares += 3.0 * (square.x + square.y + square.z);
-        pairs += n;
-      }
+  const std::vector<Tile>& tiles = frame.tiles.tiles();
+  if (!frame.dial) {
+    for (const Tile& tile : tiles) {
+      eachPixel(tile, [&](std::uint32_t x, std::uint32_t y) {
+        const dvec3 m = sums.difference(x, y).mean();
+        missing_ += m.x + m.y + m.z;
+      });
     }
-    if (pairs == 0.0) continue;
-    const double pixels = double{1} * tile.width * tile.height;
-    missing_ += pixels * sum / pairs;
-    doubt_ += pixels * pixels * squares / (pairs * pairs);
+    return;
+  }
+  struct Known {
+    double sum = 0.0, squares = 0.0, pairs = 0.0;
+  };
+  std::vector<Known> known(tiles.size());
+  tbb::parallel_for(std::size_t{0}, tiles.size(), [&](std::size_t i) {
+    if (frame.dial->tile(i).pairs == 0) return;
+    Known& k = known[i];
+    eachPixel(tiles[i], [&](std::uint32_t x, std::uint32_t y) {
+      const Moments d = sums.difference(x, y);
+      const auto n = static_cast<double>(d.count());
+      const dvec3 m = d.mean(), square = d.squares();
+      k.sum += (m.x + m.y + m.z) * n;
+      k.squares += 3.0 * (square.x + square.y + square.z);
+      k.pairs += n;
+    });
+  });
+  for (std::size_t i = 0; i < tiles.size(); ++i) {
+    const Known& k = known[i];
+    if (k.pairs == 0.0) continue;
+    const double pixels = double{1} * tiles[i].width * tiles[i].height;
+    missing_ += pixels * k.sum / k.pairs;
+    doubt_ += pixels * pixels * k.squares / (k.pairs * k.pairs);
   }
 }
 

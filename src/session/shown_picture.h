@@ -14,6 +14,9 @@
 
 namespace trex {
 
+/// Pairs of a pixel, on average, from which on a correction is looked for.
+inline constexpr double kPairsThatTell = 0.5;
+
 struct ShownOptions {
   DenoiseMethod method = DenoiseMethod::kOff;
   bool pairs = false;  ///< the frame keeps differences
@@ -33,8 +36,8 @@ struct ShownOptions {
 std::vector<vec3> denoiseFrame(const FrameBuffers& frame, const FeatureImage& features,
                                DenoiseMethod method);
 
-/// One picture under way, of the frame as it was when this was made; to be spread the frame
-/// must outlive it, and may get more samples, but not begin anew. One thread at a time.
+/// One picture under way, of the frame as it was when this was made; to be spread or corrected
+/// the frame must outlive it, and may get more samples, but not begin anew. One thread at a time.
 class ShownPicture {
  public:
   /// Open Image Denoise, which can't be interrupted, does its part here; Error(kMemoryOrDevice) if

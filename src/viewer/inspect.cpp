@@ -126,8 +126,8 @@ std::function<vec3(const FrameBuffers&, std::uint32_t, std::uint32_t)> viewOf(
     case ViewMode::kVariance: {
       // Deviation over the mean, which is what the eye sees of noise.
       return [](Frame f, Pixel x, Pixel y) {
-        const float mean = luminance(vec3(f.sums.mean(x, y)));
-        const float deviation = std::sqrt(luminance(vec3(f.sums.varianceOfMean(x, y))));
+        const float mean = luminance(vec3(f.rawMean(x, y)));
+        const float deviation = std::sqrt(luminance(vec3(f.rawVariance(x, y))));
         return heat(std::log2(1.0f + 8.0f * deviation / (mean + 1e-6f)) / 4.0f);
       };
     }

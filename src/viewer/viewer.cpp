@@ -352,6 +352,7 @@ void Viewer::Impl::startExact() {
   RenderSettings settings = options.settings;
   settings.interactive = true;
   settings.exact = 1.0;
+  settings.dial = false;
   settings.denoise = Denoise::kOff;
   exact = std::make_unique<Session>(editor->shared(), shownLook.camera, settings, PictureLayers{});
 }

@@ -115,13 +115,13 @@ double Viewer::Impl::measureSplit() const {
     }
   };
   each([&](std::uint32_t x, std::uint32_t y) {
-    mean += static_cast<double>(luminance(vec3(b.sums.mean(x, y))));
+    mean += static_cast<double>(luminance(vec3(b.rawMean(x, y))));
     count += 1.0;
   });
   mean /= count;
   each([&](std::uint32_t x, std::uint32_t y) {
-    const dvec3 d = a.sums.mean(x, y) - b.sums.mean(x, y), truth = b.sums.mean(x, y);
-    const dvec3 noise = a.sums.varianceOfMean(x, y) + b.sums.varianceOfMean(x, y);
+    const dvec3 d = a.rawMean(x, y) - b.rawMean(x, y), truth = b.rawMean(x, y);
+    const dvec3 noise = a.rawVariance(x, y) + b.rawVariance(x, y);
     const dvec3 part = (d * d - noise) / (truth * truth + 0.01 * mean * mean + 1e-12);
     sum += (part.x + part.y + part.z) / 3.0;
   });

@@ -30,7 +30,7 @@ def main():
     def render(name, *limit):
         out = os.path.join(folder, name + ".exr")
         return out, subprocess.run([a.trex, "render", a.scene, "-o", out, "--size", a.size, "--spp", a.spp,
-                                    "--guess", a.guess, "--json", *map(str, limit)],
+                                    "--guess", a.guess, "--exact", "0", "--json", *map(str, limit)],
                                    capture_output=True, text=True)
 
     def row(name, limit):

@@ -21,7 +21,7 @@ def measure(options, scene, bounces, folder):
     out = os.path.join(folder, "out.exr")
     env = ["--env", ENV[scene]] if scene in ENV else []
     result = subprocess.run([options.trex, "render", model, "-o", out, "--size", options.size, "--spp",
-                             str(options.spp), "--photon-bounces", bounces, "--json", "-q", *env],
+                             str(options.spp), "--photon-bounces", bounces, "--exact", "0", "--json", "-q", *env],
                             check=True, capture_output=True, text=True)
     summary = json.loads(result.stdout)
     diff = json.loads(subprocess.run([options.trex, "diff", out, reference, "--json"], capture_output=True,

@@ -2,7 +2,7 @@
 """Prints the picture-quality figures of the README: exact mode against references of another renderer,
 early quality, bias of the guess, consistency of the hybrid, what the filter does to the mean.
 
-    tests/bench/quality_bars.py [--trex build/trex] [--only early,first,filter,denoisers,bias,exact,consistent,auto,error] [--scenes a,b]
+    tests/bench/quality_bars.py [--trex build/trex] [--only early,first,filter,denoisers,bias,exact,consistent,auto,equal,error] [--scenes a,b]
                                 [--against OTHER_TREX] [--runs 5] [--seconds 40] [--error 0.01] [--out FOLDER]
                                 [-- further options of trex render]
 
@@ -10,7 +10,7 @@ Needs the folder of shared scenes and references (TREX_SHARED, else ../shared) a
 environment: peers/setup.sh makes it and prints the interpreter to run this with. One JSON line a
 measurement, then a table. Pictures stay in FOLDER (default: build/quality).
 """
-import argparse, importlib.util, json, os, statistics, subprocess, sys
+import argparse, importlib.util, json, os, resource, statistics, subprocess, sys
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(os.path.dirname(HERE))
@@ -157,6 +157,31 @@ def auto(run):
     return ("scene", *(f"FLIP, relMSE, mean ratio, exact {s}" for s in ("0", "0.25", "1", "auto"))), rows
 
 
+def equal(run):
+    """`--exact auto` over `--exact 0` for the same samples: error, rays between surfaces, processor time. Medians of the seeds' ratios."""
+    rows, counts = [], ("1", "2", "4", "16", "64")
+    for scene in run.options.scenes:
+        row = [scene]
+        for count in counts:
+            ratios = []
+            for seed in range(run.options.runs):
+                pair = []
+                for share in ("0", "auto"):
+                    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+                    picture, report = run.render(scene, f"equal-{share}", ["--exact", share, "--spp", count, "--seed", str(seed)])
+                    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+                    score = run.score(scene, picture)
+                    pair.append((score["flip"], score["relmse"], report["c_rays"] + report["shadow_rays"],
+                                 after.ru_utime - before.ru_utime, report["exact_share"]))
+                ratios.append([b / a for a, b in zip(pair[0][:4], pair[1][:4])] + [pair[1][4], pair[0][0]])
+                print(json.dumps({"scene": scene, "what": "equal", "samples": int(count), "seed": seed, "flip_of_guess": pair[0][0],
+                                  **dict(zip(("flip", "relmse", "rays", "user_seconds", "exact_share"), ratios[-1]))}), flush=True)
+            middle = [statistics.median(column) for column in zip(*ratios)]
+            row.append(" ".join(f"{x:.2f}" for x in middle[:4]))
+        rows.append(row)
+    return ("scene", *(f"FLIP, relMSE, rays, processor time, {c} samples" for c in counts)), rows
+
+
 def reference_noise(run, scene):
     """The part of relMSE that is the reference's own noise, the largest 0.1 % left out as in relmse."""
     import numpy
@@ -228,7 +253,7 @@ def main():
     run = Runner(options)
     for name in options.only.split(","):
         measures = {"early": early, "first": first, "filter": filtered, "denoisers": denoisers, "bias": bias, "exact": exact,
-                    "consistent": consistent, "auto": auto, "error": error}
+                    "consistent": consistent, "auto": auto, "equal": equal, "error": error}
         header, rows = measures[name](run)
         print(f"\n| {' | '.join(header)} |\n|{'---|' * len(header)}")
         for row in rows:

@@ -96,7 +96,7 @@ def main():
     p.add_argument("--picture")
     p.add_argument("--keep", action="store_true")
     a = p.parse_args()
-    a.more = [] if a.voxels else ["--exact", 1]
+    a.more = ["--exact", 0 if a.voxels else 1]
     for count in a.triangles.split(","):
         bundle = os.path.join(a.folder, f"scale-{count}.trex")
         out = {} if os.path.exists(bundle) else bake(a, count, bundle)

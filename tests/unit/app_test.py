@@ -87,6 +87,24 @@ class AppTest(unittest.TestCase):
         for key in ("import_seconds", "render_seconds", "photons", "device", "voxel_bytes"):
             self.assertIn(key, summary)
 
+    def test_exact_auto_is_the_default(self):
+        """Said so, the same picture; with one sample it is that of the guess."""
+        reports = {}
+        for samples in (1, 6):
+            for name, options in (("default", ()), ("auto", ("--exact", "auto")), ("guess", ("--exact", 0))):
+                result = run("render", self.cornell, "-o", self.path(f"{name}{samples}.exr"), "--size", "48x40", "--spp", samples,
+                             "--device", "none", "--json", *options)
+                self.assertEqual(result.returncode, 0, result.stderr)
+                reports[name, samples] = json.loads(result.stdout)
+        self.assertEqual([reports[name, 6]["exact"] for name in ("default", "auto", "guess")], ["auto", "auto", 0])
+        self.assertGreater(reports["default", 6]["exact_paths"], 0)
+        self.assertEqual([reports[name, 1]["exact_paths"] for name in ("default", "guess")], [0, 0])
+        for a, b in (("default6", "auto6"), ("default1", "auto1"), ("default1", "guess1")):
+            self.assertEqual(run("diff", self.path(a + ".exr"), self.path(b + ".exr"), "--metric", "rmse", "--max", 0).returncode, 0)
+        with open(self.path("default6.exr"), "rb") as f:
+            self.assertIn(b"trex:exact\0string\0\4\0\0\0auto", f.read())
+        self.assertRegex(run("render", "--help").stdout, r"--exact TEXT(=| \[)auto")
+
     def test_exact_mode_builds_no_voxels(self):
         result = run("render", self.cornell, "-o", self.path("a.exr"), "--size", "16x16", "--spp", 1,
                      "--exact", 1, "--json")
@@ -105,7 +123,7 @@ class AppTest(unittest.TestCase):
 
     def test_threads_do_not_change_a_bit(self):
         threads = [("--threads", n) for n in (1, 2, 5)]
-        for exact in (0, 0.25, 1):
+        for exact in (0, 0.25, "auto", 1):
             for guess in ("ray", "cone"):
                 self.assertTrue(self.same_bits(threads, "--device", "none", "--exact", exact, "--guess", guess))
 

@@ -49,7 +49,7 @@ class CaptureTest(unittest.TestCase):
 
     def test_killed_at_random_it_resumes_to_the_same_bits(self):
         chance = random.Random(5)
-        for exact, device in ((0.25, "none"), (0, "auto")):
+        for exact, device in (("auto", "none"), (0, "auto")):
             # The kills of both jobs together make KILLS.
             job = ["--size", "96x72", "--spp", 200, "--exact", exact, "--device", device, "--aov", "all", "--seed", 3]
             whole = self.path("whole.exr")
@@ -102,6 +102,7 @@ class CaptureTest(unittest.TestCase):
         before = read(state)
         self.render(*job, code=2, says="--resume")
         self.render(*job, "--resume", "--seed", 7, code=3, says="other settings")
+        self.render(*job, "--resume", "--exact", 0, code=3, says="other settings")
         self.render("-o", out, "--size", "32x16", "--checkpoint", state, "--resume", code=3, says="other settings")
         self.render(*job, "--resume", "--camera", "1,1,1/0,0,0/0,1,0/40", code=3, says="other settings")
         self.assertEqual(read(state), before)
@@ -112,6 +113,14 @@ class CaptureTest(unittest.TestCase):
         self.render("-o", out, "--resume", code=2, says="--checkpoint")
         self.render("-o", out, "--checkpoint", out, code=2, says="name another")
         self.render("-o", out, "--checkpoint", self.path("no/such/file"), code=5, says="no/such")
+
+    def test_the_default_share_goes_on_as_auto(self):
+        state = self.path("a.checkpoint")
+        job = ["--size", "64x48", "--checkpoint", state, "-o", self.path("a.exr")]
+        self.render(*job, "--spp", 5)
+        self.render(*job, "--spp", 14, "--resume", "--exact", "auto", says="going on after 5 samples")
+        self.render("--size", "64x48", "-o", self.path("b.exr"), "--spp", 14)
+        self.assertEqual(read(self.path("a.exr")), read(self.path("b.exr")))
 
     def test_hangup_writes_the_picture_and_goes_on(self):
         out = self.path("a.exr")

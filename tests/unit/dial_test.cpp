@@ -14,6 +14,7 @@
 #include "src/session/measured_correction.h"
 #include "src/session/picture_error.h"
 #include "src/session/session.h"
+#include "src/session/unfiltered_pixels.h"
 #include "tests/unit/scenes.h"
 
 namespace trex {
@@ -55,6 +56,14 @@ TEST(ShareRule, BiasThatDoesNotShowYetGetsASmallPartOfTheRays) {
 
 TEST(ShareRule, PairsThatCostNothingAreTaken) {
   EXPECT_DOUBLE_EQ(chooseShares(std::vector{figures(0.0, 1.0, 4.0, 0.0)}, 16.0)[0], 1.0);
+}
+
+TEST(ShareRule, WithoutAFilterPairsWaitUntilTheyAreWorthIt) {
+  ShareFigures filtered = figures(0.02, 1.0, 4.0), alone = filtered;
+  alone.pooling = Pooling::none();
+  EXPECT_GT(chooseShares(std::vector{filtered}, 4.0)[0], 2.0 * leastShare(filtered));
+  EXPECT_DOUBLE_EQ(chooseShares(std::vector{alone}, 4.0)[0], leastShare(alone));
+  EXPECT_GT(chooseShares(std::vector{alone}, 1e5)[0], 2.0 * leastShare(alone));
 }
 
 /// Samples and pairs after many looks, each of which doubles the rays that are spent.
@@ -196,6 +205,31 @@ TEST(MeasureShares, FindsVariancesAndBias) {
   }
 }
 
+TEST(Dial, FirstSamplesHaveNoPairs) {
+  const Dial dial(1, kSide * kSide);
+  EXPECT_EQ(dial.share(0, 0), 0.0);
+  EXPECT_EQ(dial.share(0, 1), kFirstShare);
+}
+
+TEST(Dial, LooksAsOftenAsItMay) {
+  for (const bool seldom : {false, true}) {
+    const std::vector<std::uint32_t> looks = seldom ? std::vector<std::uint32_t>{16, 64, 256, 1024}
+                                                    : std::vector<std::uint32_t>{2, 3, 4, 6, 9, 13};
+    Dial dial(1, kSide * kSide, {{}, seldom}), restored = dial;
+    const Accumulator sums(kSide, kSide, true);
+    for (const std::uint32_t look : looks) {
+      EXPECT_EQ(dial.nextLook(), look);
+      restored.restore(look - 1);
+      EXPECT_EQ(restored.nextLook(), look);
+      dial.look(std::span(&kArea, 1), look - 1, sums);  // not yet
+      EXPECT_EQ(dial.nextLook(), look);
+      dial.look(std::span(&kArea, 1), look, sums);
+    }
+    dial.restart();
+    EXPECT_EQ(dial.nextLook(), looks[0]);
+  }
+}
+
 /// Choices depend on samples, and still the mean is the exact one: over many pictures, whether the
 /// guess is right, wrong, or noisy.
 TEST(Dial, LeavesTheMeanAlone) {
@@ -210,7 +244,7 @@ TEST(Dial, LeavesTheMeanAlone) {
       for (std::uint32_t s = 0; s < kSamples; ++s) {
         for (std::uint32_t i = 0; i < kSide * kSide; ++i) {
           const double offset = std::fmod(i * 0.618033988749895 + picture * 0.41, 1.0);
-          const bool paired = takesExact(s, dial.tile(0).share, offset);
+          const bool paired = takesExact(s, dial.share(0, s), offset);
           const auto [guess, exact] = integrand.sample();
           sums.add(i % kSide, i / kSide, s, guess, paired ? &exact : nullptr);
           dial.add(0, paired, paired ? 6 : 3);
@@ -238,17 +272,19 @@ TEST(Dial, LeavesTheMeanAlone) {
 
 // ---- the correction ----
 
-/// A frame of one even surface whose guess lacks `bias` of the light, after 8 samples.
-std::unique_ptr<FrameBuffers> frameOf(double bias, double pairNoise) {
+/// A frame of one even surface whose guess lacks `bias` of the light, after 8 samples, each
+/// `apart`-th with a pair.
+std::unique_ptr<FrameBuffers> frameOf(double bias, double pairNoise, std::uint32_t apart = 2) {
   Integrand integrand{bias, 0.1, pairNoise};
   auto frame = std::make_unique<FrameBuffers>(
       kSide, kSide, true, true, PictureLayers{},
-      TileScheduler({kArea}, TileScheduler::Order::kSweep, kSide, kSide), true);
+      TileScheduler({kArea}, TileScheduler::Order::kSweep, kSide, kSide));
+  frame->dial = std::make_unique<Dial>(1, kSide * kSide);
   for (std::uint32_t s = 0; s < 8; ++s) {
     for (std::uint32_t i = 0; i < kSide * kSide; ++i) {
       const std::uint32_t x = i % kSide, y = i / kSide;
       const auto [guess, exact] = integrand.sample();
-      const bool paired = s % 2 == 0;
+      const bool paired = s % apart == 0;
       frame->sums.add(x, y, s, guess, paired ? &exact : nullptr);
       const vec3 place(static_cast<float>(x), static_cast<float>(y), 0.0f);
       const Feature f{vec3(0.5f), vec3(0.0f, 0.0f, 1.0f), place, 1.0f, 0.0f};
@@ -297,6 +333,67 @@ TEST(MeasuredCorrection, SaysWhatItLeaves) {
   EXPECT_NEAR(found.left, true_, 0.06);
 }
 
+// ---- without a filter ----
+
+/// Mean square of the distance to the truth, 1: of the guess, of guess and all differences, and of
+/// what is shown.
+struct Distances {
+  double guess = 0.0, all = 0.0, shown = 0.0;
+};
+
+Distances distances(const FrameBuffers& frame) {
+  const UnfilteredPixels pixels(frame);
+  Distances out;
+  const auto square = [](const dvec3& v) { return (v.x - 1.0) * (v.x - 1.0) / (kSide * kSide); };
+  for (std::uint32_t i = 0; i < kSide * kSide; ++i) {
+    const std::uint32_t x = i % kSide, y = i / kSide;
+    out.guess += square(frame.sums.guess(x, y).mean());
+    out.all += square(frame.sums.mean(x, y));
+    out.shown += square(pixels.mean(x, y));
+  }
+  return out;
+}
+
+TEST(UnfilteredPixels, AreNotWorseThanTheGuessNorThanAllDifferences) {
+  for (const double noise : {0.003, 0.03, 0.3, 3.0}) {
+    for (const double bias : {0.0, 0.1, 0.5}) {
+      const Distances found = distances(*frameOf(bias, noise));
+      EXPECT_LE(found.shown, 1.02 * std::min(found.guess, found.all)) << noise << ' ' << bias;
+    }
+  }
+}
+
+TEST(UnfilteredPixels, ShowTheGuessWhilePairsAreFew) {
+  const auto frame = frameOf(0.5, 0.1, 8);  // one of each pixel
+  const UnfilteredPixels pixels(*frame);
+  for (std::uint32_t i = 0; i < kSide; ++i) {
+    EXPECT_EQ(pixels.mean(i, i), frame->sums.guess(i, i).mean());
+    EXPECT_EQ(pixels.variance(i, i), frame->sums.guess(i, i).varianceOfMean());
+  }
+}
+
+TEST(UnfilteredPixels, WithoutADialAreAllDifferences) {
+  const auto frame = frameOf(0.5, 3.0, 8);
+  frame->dial.reset();
+  const UnfilteredPixels pixels(*frame);
+  for (std::uint32_t i = 0; i < kSide; ++i) {
+    EXPECT_EQ(pixels.mean(i, i), frame->sums.mean(i, i));
+    EXPECT_EQ(pixels.variance(i, i), frame->sums.varianceOfMean(i, i));
+  }
+  EXPECT_EQ(pixels.estimatedError(), frame->sums.estimatedError());
+}
+
+TEST(UnfilteredPixels, TellTheirError) {
+  for (const double noise : {0.01, 0.3, 1.0}) {
+    for (const double bias : {0.0, 0.3}) {
+      const auto frame = frameOf(bias, noise);
+      const double told = UnfilteredPixels(*frame).estimatedError();
+      const double weight = 1.0 / (1.01 * (1.0 + bias) * (1.0 + bias));
+      EXPECT_NEAR(told / distances(*frame).shown, 1.0, 0.5 + (1.0 - weight)) << noise << bias;
+    }
+  }
+}
+
 // ---- sessions ----
 
 constexpr std::uint32_t kWidth = 80, kHeight = 72;  // four tiles, two of them cut
@@ -338,19 +435,37 @@ std::unique_ptr<Session> session(const RenderSettings& s,
 }
 
 TEST(DialSession, ThreadsAndStopsChangeNoBit) {
-  for (const GuessKind guess : {GuessKind::kRay, GuessKind::kCone}) {
-    const auto whole = session(settings(20, guess));
+  RenderSettings off = settings(20);
+  off.denoise = Denoise::kOff;
+  for (const RenderSettings& s : {settings(20), settings(20, GuessKind::kCone), off}) {
+    const auto whole = session(s);
     whole->run();
     EXPECT_GT(whole->report().exactShare, 0.0);
     for (const std::size_t threads : {1, 3}) {
       const tbb::global_control limit(tbb::global_control::max_allowed_parallelism, threads);
-      const auto pieces = session(settings(20, guess));
+      const auto pieces = session(s);
       while (!pieces->goalReached()) {
         int left = 3;
         pieces->run([&] { return left-- > 0; });
       }
       EXPECT_EQ(whole->picture().values, pieces->picture().values) << threads;
     }
+  }
+}
+
+/// A first picture waits for nothing that it can't use.
+TEST(DialSession, OneSampleIsTheGuess) {
+  for (const Denoise denoise : {Denoise::kFilter, Denoise::kOff}) {
+    RenderSettings dialled = settings(1), guess = settings(1);
+    dialled.denoise = guess.denoise = denoise;
+    guess.dial = false;
+    guess.exact = 0.0;
+    const auto a = session(dialled), b = session(guess);
+    a->run();
+    b->run();
+    EXPECT_EQ(a->picture().values, b->picture().values);
+    EXPECT_EQ(a->report().rays.cRays, b->report().rays.cRays);
+    EXPECT_EQ(a->report().exactShare, 0.0);
   }
 }
 

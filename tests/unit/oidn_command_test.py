@@ -64,7 +64,7 @@ class OidnTest(unittest.TestCase):
 
     def test_parts_of_the_light_add_up(self):
         """What is handed over as it is must give the picture that nobody filtered."""
-        for arguments in (("--exact", 0), ("--exact", 1), ("--transparent",), ("--max-bounces", 1)):
+        for arguments in (("--exact", 0), ("--exact", 1), ("--exact", 0, "--transparent"), ("--exact", 0, "--max-bounces", 1)):
             self.render("oidn.exr", "--denoise", "oidn", *arguments)
             self.render("off.exr", "--denoise", "off", *arguments)
             self.assertLess(self.diff("oidn.exr", "off.exr")["max_error"], 1e-4, arguments)

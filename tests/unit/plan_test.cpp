@@ -202,6 +202,21 @@ TEST(Goal, IsWhateverComesFirst) {
   EXPECT_DOUBLE_EQ(goal.progress(2.0, 50.0), 1.0);
 }
 
+TEST(Goal, SecondsAreKeptFreeForTheDenoiser) {
+  RenderSettings s = settings();
+  s.seconds = 10.0;
+  Goal goal(s);
+  goal.keepFree(2.0);
+  EXPECT_FALSE(goal.reached(5, 7.9));
+  EXPECT_TRUE(goal.reached(5, 8.0));
+  EXPECT_DOUBLE_EQ(goal.progress(5.0, 4.0), 0.5);
+  goal.keepFree(1.0);
+  EXPECT_FALSE(goal.reached(5, 8.9));
+  goal.keepFree(100.0);  // a tenth is for samples all the same
+  EXPECT_FALSE(goal.reached(5, 0.9));
+  EXPECT_TRUE(goal.reached(5, 1.0));
+}
+
 TEST(Goal, TheErrorIsLookedAtNowAndThen) {
   RenderSettings s = settings();
   s.error = 0.1;

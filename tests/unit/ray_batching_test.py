@@ -36,6 +36,13 @@ class RayBatching(PagedModelTest):
         self.assertGreater(whole["cache_reads"], 0)
         self.assertLess(waiting["page_loads"], demand["page_loads"] / 4)  # photons and importons wait, too
 
+    def test_a_dial_asks_for_no_more_pages(self):
+        """It looks where samples wait for each other anyway."""
+        dialled = self.same("--aov", "all", spp=20)[2]
+        self.assertGreater(dialled["exact_paths"], 0)
+        guess = self.render("guess.exr", "--exact", "0", "--cache", self.few, spp=20)
+        self.assertLess(dialled["page_loads"], 1.5 * guess["page_loads"])
+
     def test_guesses_that_ask_cones(self):
         self.assertGreater(self.same("--exact", "0.3", "--guess", "cone")[0]["g_rays"], 0)
 

@@ -170,9 +170,12 @@ class Replay(ViewTest):
         self.same("screen.png", "saved.png")
         render = [TREX, "render", self.cornell, "--edits", "look.json", "--size", "%dx%d" % SIZE, "--spp", "4",
                   "--device", "none"]
-        layers = "A,albedo,normal,position,depth,objectId,materialId,sampleCount,variance"
+        layers = "A,albedo,normal,position,depth,objectId,materialId,sampleCount,variance,exactShare"
         subprocess.run([*render, "-o", "capture.exr", "--aov", layers], check=True, cwd=self.folder, capture_output=True)
         self.same("saved.exr", "capture.exr")
+        for name in ("saved.exr", "capture.exr"):  # the default of both
+            with open(self.path(name), "rb") as f:
+                self.assertIn(b"trex:exact\0string\0\4\0\0\0auto", f.read())
         subprocess.run([*render, "-o", "capture.png", "--exposure", "0.5"], check=True, cwd=self.folder,
                        capture_output=True)
         self.same("screen.png", "capture.png")
