@@ -28,7 +28,7 @@ constexpr std::uint64_t kVoxelCopies = 6;           // built; kept, on the devic
 constexpr std::uint64_t kLightCopies = 5;  // beside the tree: on the device, flux, light, tables
 constexpr std::uint64_t kFewestVoxelBytes = 4u << 20;
 constexpr std::uint64_t kProgramBytes = 128u << 20;  // with the libraries that read images
-constexpr std::uint64_t kCorrectionBytes = 96;      // a pixel's differences, in its parts
+constexpr std::uint64_t kCorrectionBytes = 96;       // a pixel's differences, in its parts
 constexpr std::uint64_t kDeviceBytes = 96u << 20;    // driver, compiled shaders, batches of cones
 
 std::uint64_t allowedBytes(const RenderSettings& settings) {
