@@ -108,6 +108,16 @@ bool Link::hearAll(Wire& wire) {
   return any;
 }
 
+void Link::hearOfLost(Wire& wire) {
+  std::shared_ptr<const Hears> hears;
+  {
+    const std::lock_guard lock(mutex_);
+    hears = hears_;
+  }
+  if (!hears || !hears->lost) return;
+  while (const auto machine = wire.lost()) hears->lost(*machine);
+}
+
 /// Waits for something to send. Whether the link goes on.
 bool Link::pause(double seconds) {
   std::unique_lock lock(mutex_);
@@ -166,6 +176,7 @@ void Link::work(const MakeWire& make) {
   do {
     try {
       const bool sent = sendAll(*wire), heard = hearAll(*wire);
+      hearOfLost(*wire);
       const bool busy = sent || heard || wire->unsent() > 0;
       wait = busy ? kShortestPause : std::min(2.0 * wait, kLongestPause);
       if (secondsNow() - ticked > kTickSeconds) {

@@ -48,8 +48,9 @@ class LoadChoice {
   double worth(std::uint32_t page) const;
   /// Rays that are still to come there, as of the last plan.
   double expected(std::uint32_t page) const { return pages_[page].expected; }
-  /// It was read, and unpacked.
-  void read(std::uint32_t page, double seconds);
+  /// A read has ended, of pages that take so many bytes in memory.
+  void read(std::uint64_t bytes, double seconds);
+  /// A page was unpacked.
   void loaded(std::uint32_t page, double seconds);
   /// The page to give up; none if all that are there are in use.
   std::optional<std::uint32_t> victim();

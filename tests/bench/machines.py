@@ -2,10 +2,11 @@
 """Several machines on one: network namespaces with links of a given speed, and a share of the cores each. As root.
 
     machines.py --trex build/trex [--triangles 1e6] [--machines 1,2,4] [--megabits 1000,100] [--share 0.4] [--runs 1]
+                [--model FILE] [--by-machine]
 
 Prints for each number of machines how long the same picture takes, and what travelled: central scene database (only machine 0 has
 the model, the others start with nothing) and local copies. All pictures must have the same bytes. Leaves nothing behind."""
-import argparse, json, os, shutil, statistics, subprocess, sys, tempfile
+import argparse, json, os, resource, shutil, statistics, subprocess, sys, tempfile
 
 NAME = "trex-bench"
 CPU = "/sys/fs/cgroup/cpu"
@@ -80,6 +81,8 @@ def main():
     parser.add_argument("--spp", type=int, default=16)
     parser.add_argument("--size", default="320x180")
     parser.add_argument("--exact", default="1")
+    parser.add_argument("--model", help="a bundle that is there already, in place of --triangles")
+    parser.add_argument("--by-machine", action="store_true", help="what each machine's time went into")
     parser.add_argument("--runs", type=int, default=1, help="medians of so many")
     a = parser.parse_args()
     if os.geteuid() != 0 or not os.access(CPU, os.W_OK) or not all(map(shutil.which, ("mpirun", "ip", "tc", "unshare"))):
@@ -95,11 +98,12 @@ def main():
     try:
         os.mkdir(os.path.join(folder, "cpu"))
         call("mount", "--bind", CPU, os.path.join(folder, "cpu"))
-        model = os.path.join(folder, "model.trex")
-        call(trex, "bake", f"synth:assembly?triangles={a.triangles}&seed=3", "-o", model, "--stream", "-q")
+        model = os.path.abspath(a.model) if a.model else os.path.join(folder, "model.trex")
+        if not a.model:
+            call(trex, "bake", f"synth:assembly?triangles={a.triangles}&seed=3", "-o", model, "--stream", "-q")
         pages = json.loads(call(trex, "info", model, "--json").stdout)["mesh_pages"]
         cache = max(int(pages["memory_bytes"] * a.cache), pages["largest_page_bytes"] + 8192)
-        print(f"{a.triangles} triangles, {os.path.getsize(model) / 1e6:.1f} MB; {a.size}, {a.spp} samples, --exact {a.exact}; each machine "
+        print(f"{a.model or a.triangles + ' triangles'}, {os.path.getsize(model) / 1e6:.1f} MB; {a.size}, {a.spp} samples, --exact {a.exact}; each machine "
               f"{a.share} of a core and {cache / 1e6:.1f} MB of pages")
         print("link      machines  database  seconds  speed-up  model sent  samples back  peak of others")
         first = alone = None
@@ -109,7 +113,7 @@ def main():
                     continue
                 machines = Machines(count, megabits, a.share, folder)
                 for database in ("local", "central") if count > 1 else ("-",):
-                    reports = []
+                    reports, before = [], resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
                     for _ in range(a.runs):
                         out = os.path.join(folder, "a.exr")
                         reports.append(machines.run(trex, [
@@ -123,10 +127,18 @@ def main():
                     seconds = statistics.median(r["render_seconds"] for r in reports)
                     alone = alone or seconds
                     rows = reports[-1].get("machines", [])
+                    used = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
                     print(f"{megabits:>4} Mbit {count:9} {database:>9} {seconds:8.1f} {alone / seconds:8.2f}x "
                           f"{sum(r['model_bytes_sent'] for r in rows) / 1e6:8.1f} MB "
                           f"{reports[-1].get('machine_bytes_received', 0) / 1e6:10.1f} MB "
                           f"{max([r['peak_resident_bytes'] for r in rows[1:]], default=0) / 1e6:12.0f} MB", flush=True)
+                    if a.by_machine and not rows:
+                        print(f"     {reports[-1]['page_loads']} loads; {used:.1f} s of processors")
+                    for r in rows if a.by_machine else []:
+                        print(f"     machine {r['machine']}: {r['tile_samples']} tile samples in {r['tracing_seconds']:.1f} s "
+                              f"(waiting {r['waiting_thread_seconds']:.1f}, unpacking {r['unpacking_thread_seconds']:.1f}), "
+                              f"{r['page_loads']} loads; {r['photons']} photons, {r['photon_seconds']:.1f} s; "
+                              f"reading threads {r['reading_thread_seconds']:.1f}; {r['processor_seconds']:.1f} s of processors", flush=True)
                 machines.remove()
     finally:
         if machines:
