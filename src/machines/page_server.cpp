@@ -51,10 +51,9 @@ std::uint64_t PageServer::ask(std::uint32_t from, Fetch fetch) {
 }
 
 Bytes PageServer::answerTo(const Question& question) {
-  Part part{question.fetch.number, {}};
   std::size_t bytes = 0;
   for (const FileRange& r : question.fetch.ranges) bytes += r.bytes;
-  part.bytes.resize(bytes);
+  Part part{question.fetch.number, Bytes(bytes)};
   std::span<std::byte> left(part.bytes);
   for (std::size_t i = 0; i < question.files.size(); ++i) {
     const FileRange& r = question.fetch.ranges[i];
