@@ -128,7 +128,8 @@ class Leader : public SampleSharer {
   void mergeArrived(Session& session);
   bool traceOne(Session& session, const std::function<bool()>& keepGoing);
   std::string nameOf(std::uint32_t machine) const;
-  void startBatch(const PhotonBatch& batch);
+  bool startBatch(const PhotonBatch& batch);
+  void waitForBatch(const std::function<bool()>& keepGoing);
   ShotPhotons endBatch();
   void forgetPhotons();
   bool shootOne(const ShootHere& here, const std::function<bool()>& keepGoing);

@@ -7,6 +7,12 @@
 #include "src/machines/leader.h"
 
 namespace trex::machines {
+namespace {
+
+constexpr double kPatience =
+    1.0;  // seconds that large jobs wait for machines that are on their way
+
+}  // namespace
 
 void Leader::forgetPhotons() {
   batch_.reset();
@@ -16,15 +22,19 @@ void Leader::forgetPhotons() {
   for (Machine& m : machines_) m.at.reset();
 }
 
-void Leader::startBatch(const PhotonBatch& batch) {
+/// False if it is under way.
+bool Leader::startBatch(const PhotonBatch& batch) {
   const std::lock_guard lock(mutex_);
   throwIfFailed();
-  if (batch_ && batch_->batch().first == batch.first && batch_->batch().end == batch.end) return;
+  const bool same =
+      batch_ && batch_->batch().first == batch.first && batch_->batch().end == batch.end;
+  if (same) return false;
   batch_.emplace(batch);
   photonsDone_ = batch.first;
   photonJobs_.start(0, unitsOf(batch), photonJobSizes(batch, link_.size()));
   for (std::uint32_t i = 1; i < machines_.size(); ++i) photonJobs_.lose(i);  // until it is at it
   answerAll();
+  return true;
 }
 
 /// The lock is held.
@@ -144,10 +154,27 @@ bool Leader::shootOne(const ShootHere& here, const std::function<bool()>& keepGo
   return keepGoing();
 }
 
+/// Where jobs are large those who come late find none.
+void Leader::waitForBatch(const std::function<bool()>& keepGoing) {
+  const double end = secondsNow() + kPatience;
+  std::unique_lock lock(mutex_);
+  const auto isComing = [&](const Machine& m) {
+    return m.state == State::kReady && !(m.at && m.at->first == batch_->batch().first);
+  };
+  while (!failure_ && secondsNow() < end &&
+         std::any_of(machines_.begin() + 1, machines_.end(), isComing)) {
+    lock.unlock();
+    const bool going = keepGoing();
+    lock.lock();
+    if (!going) return;
+    changed_.wait_for(lock, std::chrono::milliseconds(20));
+  }
+}
+
 std::optional<ShotPhotons> Leader::shoot(const PhotonBatch& batch, const ShootHere& here,
                                          const std::function<bool()>& keepGoing) {
   if (!view_) return here(batch.first, batch.end);
-  startBatch(batch);
+  if (startBatch(batch) && batch.waits) waitForBatch(keepGoing);
   for (bool going = true;;) {
     {
       const std::lock_guard lock(mutex_);

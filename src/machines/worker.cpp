@@ -282,6 +282,7 @@ void Worker::run(std::shared_ptr<const Model> model, const std::vector<Camera>& 
           setView(work, decode<SetView>(body), heard->views);
           break;
         case Kind::kLight:
+          passBegun_ = heard->passes;  // photons that wait for pages ask, too
           if (const auto light = decode<LightComes>(body);
               work.session && light.view == work.view) {
             work.session->makeLight(light.photons,
@@ -289,6 +290,7 @@ void Worker::run(std::shared_ptr<const Model> model, const std::vector<Camera>& 
           }
           break;
         case Kind::kPass:
+          passBegun_ = heard->passes;
           startPass(work, decode<Pass>(body));
           break;
         case Kind::kRest:
