@@ -124,6 +124,21 @@ class Machines(ProgramTest):
 
     # ---- the central scene database ----
 
+    def test_photons_that_wait_for_pages_are_shared(self):
+        if not has_mpi():
+            self.skipTest("no mpirun, or a build without MPI")
+        bundle = self.path("b.trex")
+        self.trex("bake", "synth:assembly?triangles=2e5&seed=3", "-o", bundle, "--stream")
+        job = ["--size", "64x48", "--spp", 4, "--exact", 0.25, "--denoise", "off"]
+        self.alone("-o", self.path("alone.exr"), *job, model=bundle)
+        few = json.loads(self.trex("info", bundle, "--json"))["mesh_pages"]["largest_page_bytes"] + 8192
+        for db in ("local", "central"):
+            p = self.together(3, "-o", self.path("a.exr"), *job, "--cache", few, "--json", "--scene-db", db, model=bundle)
+            self.assertEqual(self.read("a.exr"), self.read("alone.exr"))
+            report = json.loads(p.stdout)
+            self.assertEqual(sum(m["photons"] for m in report["machines"]), report["photons"])
+            self.assertGreater(sum(m["photons"] for m in report["machines"][1:]), 0)
+
     def two_folders(self, names):
         """One with copies of these files, and an empty one."""
         full, empty = self.path("full"), self.path("empty")
