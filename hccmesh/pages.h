@@ -81,12 +81,25 @@ struct PageTable {
   static PageTable fromBytes(std::span<const std::byte> bytes, std::uint64_t sectionBytes);
 };
 
+/// Bytes of a file that are wanted.
+struct FilePart {
+  std::uint64_t offset = 0;
+  std::span<std::byte> out{};
+};
+
 /// Where the packed pages lie. Thread safe.
 class PageFile {
  public:
   virtual ~PageFile() = default;
   /// Fills `out` from an offset in the pages' section. Throws with the file and the place.
   virtual void read(std::uint64_t offset, std::span<std::byte> out) const = 0;
+  /// Several parts, as read() of each.
+  virtual void readAll(std::span<const FilePart> parts) const {
+    for (const FilePart& part : parts) read(part.offset, part.out);
+  }
+  /// Parts that readAll() had better be given at once: more than one where each question takes long
+  /// to be answered, however little it asks for.
+  virtual unsigned partsAtOnce() const { return 1; }
   /// May fetch a range ahead of its use; returns at once.
   virtual void readAhead(std::uint64_t offset, std::uint64_t bytes) const = 0;
   /// "FILE, byte N", for messages.

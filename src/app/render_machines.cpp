@@ -139,6 +139,7 @@ int leadJob(RenderArguments& a, machines::Leader& leader) {
   const bool local = a.sceneDb == "local";
   if (local) leader.welcome(true, false, {});
   a.settings.sharedBytes = machines::kWindowBytes;
+  if (a.settings.exact < 1.0) a.settings.sharedBytes += machines::kKeptPhotonBytes;
   a.settings.servesModel = !local && !isBundlePath(a.input);
   OpenedRender opened;
   openForRender(a, {}, opened);
@@ -222,7 +223,10 @@ int follow(RenderArguments& a, const machines::Hello& self) {
 int renderTogether(RenderArguments& a) {
   checkTogether(a);
   const machines::Hello self = machines::helloOfThis(static_cast<std::uint32_t>(threadsAllowed()));
-  return machines::startedAs().rank == 0 ? lead(a, self) : follow(a, self);
+  const int code = machines::startedAs().rank == 0 ? lead(a, self) : follow(a, self);
+  if (!machines::mpiEndsUncleanly()) return code;
+  std::fflush(nullptr);
+  ::_exit(code);
 }
 
 }  // namespace trex

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "src/core/clock.h"
 #include "src/core/memory.h"
 #include "src/core/version.h"
 #include "src/machines/identity.h"
@@ -23,12 +24,12 @@ const char* photonName(const SessionReport& r) {
   return r.photonRays ? "ray" : "voxel";
 }
 
-/// Machines whose samples are in the picture, this one first.
+/// Machines whose samples or photons are in the picture, this one first.
 std::vector<machines::MachineRow> contributors(const machines::Leader* leader) {
   std::vector<machines::MachineRow> rows;
   if (leader == nullptr) return rows;
   for (const machines::MachineRow& row : leader->rows()) {
-    if (rows.empty() || row.work.jobs > 0) rows.push_back(row);
+    if (rows.empty() || row.work.jobs > 0 || row.photons > 0) rows.push_back(row);
   }
   return rows;
 }
@@ -47,20 +48,30 @@ std::string deviceText(const SessionReport& r, const machines::Leader* leader) {
   return text;
 }
 
-nlohmann::json machineRows(const machines::Leader& leader, const std::string& device) {
+nlohmann::json machineRows(const machines::Leader& leader, const SessionReport& own) {
   nlohmann::json out = nlohmann::json::array();
-  const auto rows = leader.rows();
+  auto rows = leader.rows();
+  rows[0].device = own.device;
+  rows[0].times = {processorSeconds(),    own.photonSeconds,   own.traffic.waiting,
+                   own.traffic.unpacking, own.traffic.reading, own.pages.loads};
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const machines::MachineRow& row = rows[i];
     out.push_back({{"machine", i},
                    {"host", row.host},
                    {"threads", row.threads},
                    {"instructions", machines::instructionText(row.instructions)},
-                   {"device", i == 0 ? device : row.device},
+                   {"device", row.device},
                    {"jobs", row.work.jobs},
                    {"jobs_of_no_use", row.work.twice},
                    {"tile_samples", row.work.units},
                    {"tracing_seconds", row.work.seconds},
+                   {"photons", row.photons},
+                   {"processor_seconds", row.times.processor},
+                   {"photon_seconds", row.times.photons},
+                   {"waiting_thread_seconds", row.times.waiting},
+                   {"unpacking_thread_seconds", row.times.unpacking},
+                   {"reading_thread_seconds", row.times.reading},
+                   {"page_loads", row.times.pageLoads},
                    {"model_bytes_sent", row.servedBytes},
                    {"peak_resident_bytes", row.peakBytes}});
   }
@@ -124,7 +135,7 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
       {"tonemap", a.tonemap},
       {"peak_resident_bytes", peakResidentBytes()}};
   if (leader != nullptr) {
-    out["machines"] = machineRows(*leader, r.device);
+    out["machines"] = machineRows(*leader, r);
     out["jobs_given_out_again"] = leader->jobsAgain();
     out["machine_bytes_sent"] = leader->traffic().sentBytes;
     out["machine_bytes_received"] = leader->traffic().receivedBytes;

@@ -1,7 +1,6 @@
 #include "src/bench/bench_schedule_live.h"
 
 #include <fmt/format.h>
-#include <sys/resource.h>
 
 #include <algorithm>
 #include <memory>
@@ -10,6 +9,7 @@
 #include "src/bench/cold_pages.h"
 #include "src/bundle/bundle.h"
 #include "src/command/parse.h"
+#include "src/core/clock.h"
 #include "src/core/error.h"
 #include "src/core/file.h"
 #include "src/session/session.h"
@@ -27,15 +27,6 @@ constexpr Way kWays[] = {{"all in memory", true, false, false},
                          {"on demand", false, false, false},
                          {"batched", false, true, false},
                          {"batched, predicted", false, true, true}};
-
-double processorSeconds() {
-  rusage u{};
-  getrusage(RUSAGE_SELF, &u);
-  const auto seconds = [](const timeval& t) {
-    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
-  };
-  return seconds(u.ru_utime) + seconds(u.ru_stime);
-}
 
 struct Rendered {
   Json row;

@@ -5,6 +5,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "hccmesh/pages.h"
 #include "src/core/error.h"
@@ -77,6 +78,12 @@ class PagesWithin : public hccm::PageFile {
   void read(std::uint64_t offset, std::span<std::byte> out) const override {
     file_->read(start_ + offset, out);
   }
+  void readAll(std::span<const hccm::FilePart> parts) const override {
+    std::vector<hccm::FilePart> within(parts.begin(), parts.end());
+    for (hccm::FilePart& part : within) part.offset += start_;
+    file_->readAll(within);
+  }
+  unsigned partsAtOnce() const override { return file_->partsAtOnce(); }
   void readAhead(std::uint64_t offset, std::uint64_t bytes) const override {
     file_->readAhead(start_ + offset, bytes);
   }

@@ -48,8 +48,25 @@ void JobLedger::join(std::uint32_t machine) { machines_[machine].here = true; }
 void JobLedger::lose(std::uint32_t machine) {
   machines_[machine].here = false;
   machines_[machine].held = 0;
+  std::vector<std::uint32_t> large;
   for (auto& [id, open] : open_) {
-    std::erase_if(open.holders, [&](const Holder& h) { return h.machine == machine; });
+    const std::size_t lost =
+        std::erase_if(open.holders, [&](const Holder& h) { return h.machine == machine; });
+    if (lost > 0 && open.holders.empty() && sizes_.large > 1) large.push_back(id);
+  }
+  for (const std::uint32_t id : large) part(id);
+}
+
+/// A job that nobody holds becomes several, of the same units. A result of it is of no use any
+/// more.
+void JobLedger::part(std::uint32_t id) {
+  const Job job = open_.at(id).job;
+  const std::uint64_t parts = std::min<std::uint64_t>(std::max(present(), 1u), job.units());
+  open_.erase(id);
+  for (std::uint64_t i = 0; i < parts; ++i) {
+    const Job some{nextId_++, job.first + job.units() * i / parts,
+                   job.first + job.units() * (i + 1) / parts};
+    open_[some.id] = {some, {}};
   }
 }
 

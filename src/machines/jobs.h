@@ -8,6 +8,8 @@
 //
 // A job may have several holders: one that was given out again because its machine does not answer,
 // or takes long while others have nothing to do. The first result counts, later ones are of no use.
+// A large job that is lost is parted among the machines that are left, else all would wait for the
+// one that takes it.
 #pragma once
 
 #include <cstdint>
@@ -105,12 +107,13 @@ class JobLedger {
   std::uint32_t present() const;
   double shareOf(std::uint32_t machine) const;
   std::uint64_t unitsFor(std::uint32_t machine) const;
+  void part(std::uint32_t id);
   Job hand(Open& open, std::uint32_t machine, double now);
   Open* lost();
   Open* late(std::uint32_t machine, double now);
 
   std::vector<Machine> machines_;
-  std::map<std::uint32_t, Open> open_;  ///< not brought yet, by id, which is the order of units
+  std::map<std::uint32_t, Open> open_;  ///< not brought yet, by id
   JobSizes sizes_;
   std::uint32_t nextId_ = 1;
   std::uint64_t first_ = 0, next_ = 0, end_ = 0, merged_ = 0, again_ = 0;

@@ -49,27 +49,58 @@ std::uint64_t nextUnit(const TileScheduler& tiles) {
 }  // namespace
 
 Leader::Leader(const Link::MakeWire& make, const Hello& self)
-    : self_(self), ledger_(0), link_(make) {
+    : self_(self),
+      ledger_(0),
+      photonJobs_(0),
+      server_([this](std::uint32_t to, Bytes answer) { link_.send(to, std::move(answer)); },
+              [this](const Error& e) { end(e); }),
+      link_(make) {
   machines_.resize(link_.size());
   ledger_ = JobLedger(link_.size());
   ledger_.join(0);
-  machines_[0].row = {self.host, "none", self.threads, self.instructions, {}, 0, 0};
+  photonJobs_ = ledger_;
+  machines_[0].row.host = self.host;
+  machines_[0].row.threads = self.threads;
+  machines_[0].row.instructions = self.instructions;
   link_.listen(
       {.message = [this](std::uint32_t from, Kind kind, ByteView body) { hear(from, kind, body); },
        .tick = [this] { tick(); },
+       .lost = [this](std::uint32_t machine) { forget(machine); },
        .broken =
            [this](const Error& e) {
-             const std::lock_guard lock(mutex_);
-             broken_ = true;
-             if (!failure_) failure_ = e;
-
-             changed_.notify_all();
+             {
+               const std::lock_guard lock(mutex_);
+               broken_ = true;
+             }
+             end(e);
            }});
+}
+
+/// The work ends with this error, if there was none before.
+void Leader::end(const Error& error) {
+  const std::lock_guard lock(mutex_);
+  if (!failure_) failure_ = error;
+  changed_.notify_all();
 }
 
 Leader::~Leader() {
   stop();
   finish(static_cast<int>(ExitCode::kFailed));
+  server_.stop();  // it sends by the link
+}
+
+/// A machine has died: what it held goes to others.
+void Leader::forget(std::uint32_t machine) {
+  const std::lock_guard lock(mutex_);
+  Machine& m = machines_[machine];
+  if (m.state == State::kGone) return;
+  m.state = State::kGone;
+  m.at.reset();
+  ledger_.lose(machine);
+  photonJobs_.lose(machine);
+  if (!stopped_) logWarning("{}: has ended; others take its jobs", nameOf(machine));
+  dealAll();
+  changed_.notify_all();
 }
 
 std::string Leader::nameOf(std::uint32_t machine) const {
@@ -84,11 +115,11 @@ void Leader::throwIfFailed() const {
 
 void Leader::welcome(bool local, bool baked, std::vector<ServedFile> files) {
   const std::lock_guard lock(mutex_);
-  files_ = std::move(files);
   Welcome w;
   w.local = local;
   w.baked = baked;
-  for (const ServedFile& f : files_) w.fileBytes.push_back(f.size);
+  for (const ServedFile& f : files) w.fileBytes.push_back(f.size);
+  server_.setFiles(std::move(files));
   welcome_ = w;
   for (std::uint32_t i = 1; i < machines_.size(); ++i) {
     if (machines_[i].state == State::kGreeted) link_.send(i, w);
@@ -130,10 +161,12 @@ void Leader::beginView(std::uint32_t view) {
   const std::lock_guard lock(mutex_);
   throwIfFailed();
   endPass();
+  forgetPhotons();
   view_ = view;
   light_.reset();
   for (std::uint32_t i = 1; i < machines_.size(); ++i) {
     ledger_.lose(i);  // until it has set the view up
+    photonJobs_.lose(i);
     if (machines_[i].state == State::kReady) link_.send(i, SetView{view});
   }
 }

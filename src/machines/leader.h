@@ -5,6 +5,8 @@
 //   adds
 //                                          what comes back in the order of units
 //   the link's thread                      hears of results and deals the next jobs meanwhile
+//   LightPass::run() ─► shoot()            the same with photons of a batch; whoever is at it gets
+//                                          what all have shot (leader_photons.cpp)
 //
 // A machine that does not answer for kSilentSeconds loses its jobs to others, and takes part again
 // once it answers. A machine that says it failed ends the render: its error is thrown by take().
@@ -18,9 +20,10 @@
 #include <string>
 #include <vector>
 
-#include "hccmesh/pages.h"
 #include "src/machines/jobs.h"
 #include "src/machines/link.h"
+#include "src/machines/page_server.h"
+#include "src/machines/photon_parts.h"
 #include "src/session/taken_samples.h"
 
 namespace trex::machines {
@@ -28,6 +31,8 @@ namespace trex::machines {
 inline constexpr double kSilentSeconds = 4.0;
 /// Of memory, for results that wait for those before them, about.
 inline constexpr std::uint64_t kWindowBytes = std::uint64_t{64} << 20;
+/// Likewise, for photons of batches that are past, which machines that come late ask for.
+inline constexpr std::uint64_t kKeptPhotonBytes = std::uint64_t{32} << 20;
 
 /// What --json says of a machine.
 struct MachineRow {
@@ -35,14 +40,10 @@ struct MachineRow {
   std::uint32_t threads = 0;
   std::uint64_t instructions = 0;
   MachineWork work;
+  MachineTimes times;             ///< as of its last result; not machine 0's
+  std::uint64_t photons = 0;      ///< that it shot, and that count
   std::uint64_t servedBytes = 0;  ///< of the model, sent to it
   std::uint64_t peakBytes = 0;    ///< resident; 0 before its first result
-};
-
-/// A file that other machines read parts of.
-struct ServedFile {
-  std::shared_ptr<const hccm::PageFile> bytes;
-  std::uint64_t size = 0;
 };
 
 /// Used by one thread, but for what it hears.
@@ -71,6 +72,9 @@ class Leader : public SampleSharer {
   /// Throws the Error of a machine that failed. If keepGoing says no the others go on with what
   /// they have, and the next call takes it, if it is about the same samples.
   void take(Session& session, const std::function<bool()>& keepGoing) override;
+  /// Throws as take().
+  std::optional<ShotPhotons> shoot(const PhotonBatch& batch, const ShootHere& here,
+                                   const std::function<bool()>& keepGoing) override;
   /// No more samples are wanted for now.
   void rest();
 
@@ -92,7 +96,8 @@ class Leader : public SampleSharer {
     bool ready = false;  ///< its model is open and as expected
     std::optional<std::uint64_t> digest;
     double heard = 0.0;
-    std::uint32_t view = ~0u;  ///< that it has set up
+    std::uint32_t view = ~0u;       ///< that it has set up
+    std::optional<PhotonBatch> at;  ///< that it waits for
   };
   /// Samples that came, and wait for those before them.
   struct Arrived {
@@ -104,12 +109,14 @@ class Leader : public SampleSharer {
 
   void hear(std::uint32_t from, Kind kind, ByteView body);
   void tick();
+  void end(const Error& error);
+  void forget(std::uint32_t machine);
   void fail(std::uint32_t machine, int code, const std::string& text);
   void greet(std::uint32_t from, const Hello& hello);
   void checkReady(std::uint32_t from);
   void bringIn(std::uint32_t machine);
   void takeResult(std::uint32_t from, Result result);
-  void serve(std::uint32_t to, const Fetch& fetch);
+  void serve(std::uint32_t to, Fetch fetch);
   void dealTo(std::uint32_t machine);
   void dealAll();
   void throwIfFailed() const;
@@ -121,6 +128,17 @@ class Leader : public SampleSharer {
   void mergeArrived(Session& session);
   bool traceOne(Session& session, const std::function<bool()>& keepGoing);
   std::string nameOf(std::uint32_t machine) const;
+  bool startBatch(const PhotonBatch& batch);
+  void waitForBatch(const std::function<bool()>& keepGoing);
+  ShotPhotons endBatch();
+  void forgetPhotons();
+  bool shootOne(const ShootHere& here, const std::function<bool()>& keepGoing);
+  void takePhotons(std::uint32_t from, Shot shot);
+  void hearShot(std::uint32_t from, Shot shot);
+  void answerAt(std::uint32_t machine);
+  void answerAll();
+  void sendParts(std::uint32_t to, const PhotonParts& parts);
+  void dealPhotons(std::uint32_t machine);
 
   Hello self_;
   mutable std::mutex mutex_;
@@ -128,7 +146,6 @@ class Leader : public SampleSharer {
   std::vector<Machine> machines_;
   JobLedger ledger_;
   std::optional<Welcome> welcome_;
-  std::vector<ServedFile> files_;
   std::optional<std::uint64_t> digest_;
   std::optional<Error> failure_;
   std::optional<std::uint32_t> view_;
@@ -137,8 +154,13 @@ class Leader : public SampleSharer {
   std::uint32_t passes_ = 0;
   std::uint64_t next_ = 0, end_ = 0;          ///< units that the picture gets next, in this pass
   std::map<std::uint64_t, Arrived> arrived_;  ///< by first unit
+  JobLedger photonJobs_;
+  std::optional<PhotonParts> batch_;           ///< under way
+  std::map<std::uint64_t, PhotonParts> kept_;  ///< batches that are past, by first photon
+  std::uint64_t keptBytes_ = 0, photonsDone_ = 0;
   double pinged_ = 0.0;
   bool stopped_ = false, finished_ = false, broken_ = false;
+  PageServer server_;
   Link link_;  ///< the last: it calls the others
 };
 

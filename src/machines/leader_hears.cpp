@@ -8,7 +8,6 @@ namespace trex::machines {
 namespace {
 
 constexpr double kPingSeconds = 1.0;
-constexpr std::uint64_t kMostPart = std::uint64_t{16} << 20;  // of a file, at once
 
 }  // namespace
 
@@ -43,6 +42,17 @@ void Leader::hear(std::uint32_t from, Kind kind, ByteView body) {
     case Kind::kResult:
       takeResult(from, decode<Result>(body));
       break;
+    case Kind::kAtPhotons: {
+      const auto at = decode<AtPhotons>(body);
+      if (at.end <= at.first) throw MessageError("a batch has no photons");
+      if (at.view != view_) break;
+      m.at = {at.first, at.end};
+      if (m.state == State::kReady) answerAt(from);
+      break;
+    }
+    case Kind::kShot:
+      hearShot(from, decode<Shot>(body));
+      break;
     case Kind::kPong:
       break;
     case Kind::kFailed: {
@@ -66,6 +76,7 @@ void Leader::fail(std::uint32_t machine, int code, const std::string& text) {
                      fmt::format("{}: {}", nameOf(machine), text));
   }
   ledger_.lose(machine);
+  photonJobs_.lose(machine);
   changed_.notify_all();
 }
 
@@ -111,10 +122,12 @@ void Leader::bringIn(std::uint32_t machine) {
   if (machines_[machine].view != *view_) return;  // it joins once it says that it has
   ledger_.join(machine);
   dealTo(machine);
+  answerAt(machine);
 }
 
 void Leader::takeResult(std::uint32_t from, Result result) {
   machines_[from].row.peakBytes = result.peakBytes;
+  machines_[from].row.times = result.times;
   if (!pass_ || result.pass != pass_->number) return;
   const double seconds = result.seconds >= 0.0 && result.seconds < 1e9 ? result.seconds : 0.0;
   if (const auto job = ledger_.bring(from, result.id, seconds)) {
@@ -128,25 +141,11 @@ void Leader::takeResult(std::uint32_t from, Result result) {
 }
 
 /// Deals and results go on while the file is read.
-void Leader::serve(std::uint32_t to, const Fetch& fetch) {
-  std::shared_ptr<const hccm::PageFile> file;
-  {
-    const std::lock_guard lock(mutex_);
-    machines_[to].heard = secondsNow();
-    if (fetch.file >= files_.size()) throw MessageError("it asks for a file that there is not");
-    const ServedFile& served = files_[fetch.file];
-    if (fetch.bytes > kMostPart || fetch.offset > served.size ||
-        fetch.bytes > served.size - fetch.offset) {
-      throw MessageError("it asks for bytes beyond a file's end");
-    }
-    file = served.bytes;
-    machines_[to].row.servedBytes += fetch.bytes;
-  }
-  Part part;
-  part.number = fetch.number;
-  part.bytes.resize(fetch.bytes);
-  if (fetch.bytes > 0) file->read(fetch.offset, part.bytes);
-  link_.send(to, part);
+void Leader::serve(std::uint32_t to, Fetch fetch) {
+  const std::uint64_t bytes = server_.ask(to, std::move(fetch));
+  const std::lock_guard lock(mutex_);
+  machines_[to].heard = secondsNow();
+  machines_[to].row.servedBytes += bytes;
 }
 
 void Leader::dealTo(std::uint32_t machine) {
@@ -157,7 +156,10 @@ void Leader::dealTo(std::uint32_t machine) {
 }
 
 void Leader::dealAll() {
-  for (std::uint32_t m = 1; m < machines_.size(); ++m) dealTo(m);
+  for (std::uint32_t m = 1; m < machines_.size(); ++m) {
+    dealTo(m);
+    dealPhotons(m);
+  }
 }
 
 void Leader::tick() {
@@ -170,6 +172,7 @@ void Leader::tick() {
     logWarning("{}: has not answered for {:.0f} s; others take its jobs", nameOf(i), now - m.heard);
     m.state = State::kSilent;
     ledger_.lose(i);
+    photonJobs_.lose(i);
     changed_.notify_all();
   }
   dealAll();  // what has been lost, and what is late

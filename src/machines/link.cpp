@@ -9,7 +9,9 @@ namespace trex::machines {
 namespace {
 
 // A link that is idle looks now and then; the longer nothing comes, the more seldom.
-constexpr double kShortestPause = 20e-6, kLongestPause = 1e-3;
+// Large messages on their way want a look more often than that, but each look costs a processor
+// more than what it moves on.
+constexpr double kShortestPause = 20e-6, kSendingPause = 200e-6, kLongestPause = 1e-3;
 constexpr double kTickSeconds = 0.25;
 
 }  // namespace
@@ -108,6 +110,16 @@ bool Link::hearAll(Wire& wire) {
   return any;
 }
 
+void Link::hearOfLost(Wire& wire) {
+  std::shared_ptr<const Hears> hears;
+  {
+    const std::lock_guard lock(mutex_);
+    hears = hears_;
+  }
+  if (!hears || !hears->lost) return;
+  while (const auto machine = wire.lost()) hears->lost(*machine);
+}
+
 /// Waits for something to send. Whether the link goes on.
 bool Link::pause(double seconds) {
   std::unique_lock lock(mutex_);
@@ -166,8 +178,9 @@ void Link::work(const MakeWire& make) {
   do {
     try {
       const bool sent = sendAll(*wire), heard = hearAll(*wire);
-      const bool busy = sent || heard || wire->unsent() > 0;
-      wait = busy ? kShortestPause : std::min(2.0 * wait, kLongestPause);
+      hearOfLost(*wire);
+      const double most = wire->unsent() > 0 ? kSendingPause : kLongestPause;
+      wait = sent || heard ? kShortestPause : std::min(2.0 * wait, most);
       if (secondsNow() - ticked > kTickSeconds) {
         ticked = secondsNow();
         tick();

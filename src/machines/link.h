@@ -28,6 +28,8 @@ class Link {
   struct Hears {
     std::function<void(std::uint32_t from, Kind kind, ByteView body)> message;
     std::function<void()> tick;
+    /// A machine has died, and the others go on. May be empty.
+    std::function<void(std::uint32_t machine)> lost{};
     /// Bytes that are no message, or a wire that broke. After it nothing is received any more.
     std::function<void(const Error& error)> broken;
   };
@@ -63,6 +65,7 @@ class Link {
   void end(Wire& wire);
   bool sendAll(Wire& wire);
   bool hearAll(Wire& wire);
+  void hearOfLost(Wire& wire);
   bool pause(double seconds);
 
   std::uint32_t rank_ = 0, size_ = 1;

@@ -21,10 +21,12 @@
 #include <type_traits>
 #include <vector>
 
+#include "src/session/shot_photons.h"
+
 namespace trex::machines {
 
 inline constexpr std::uint32_t kMagic = 0x4d585254u;  // "TRXM"
-inline constexpr std::uint16_t kProtocol = 1;
+inline constexpr std::uint16_t kProtocol = 2;
 inline constexpr std::size_t kHeadBytes = 24;
 /// No message is longer; who receives one asks before it takes the memory.
 inline constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 28;
@@ -44,7 +46,9 @@ enum class Kind : std::uint16_t {
   kReady,      ///< the model is open
   kSet,        ///< the view is set up
   kResult,     ///< samples of a job
-  kFetch,      ///< a part of a file is wanted
+  kFetch,      ///< parts of files are wanted
+  kAtPhotons,  ///< a batch of photons is wanted
+  kShot,       ///< some photons of it
   kPong,
   kFailed,  ///< can't go on
   kBye,     ///< the last
@@ -55,7 +59,10 @@ enum class Kind : std::uint16_t {
   kPass,     ///< samples are going to be taken
   kRest,     ///< jobs that were given out are void
   kJob,
-  kPart,  ///< of a file
+  kPart,     ///< parts of files
+  kShoot,    ///< some photons of a batch are to be shot
+  kPhotons,  ///< some that another machine has shot
+  kAlone,    ///< shoot the batch alone: it is past
   kPing,
   kStop,
 };
@@ -143,31 +150,52 @@ struct GiveJob {
   }
 };
 
+/// What a machine's threads did since it set up its view, seconds added up.
+struct MachineTimes {
+  double processor = 0.0;  ///< processorSeconds(), since the program began
+  double photons = 0.0;    ///< of the machine: shooting, and waiting for what others shoot
+  double waiting = 0.0, unpacking = 0.0, reading = 0.0;  ///< as PageTrafficReport
+  std::uint64_t pageLoads = 0;
+  template <class F>
+  void fields(F&& f) {
+    f(processor), f(photons), f(waiting), f(unpacking), f(reading), f(pageLoads);
+  }
+};
+
 struct Result {
   static constexpr Kind kKind = Kind::kResult;
   std::uint32_t pass = 0, id = 0;
   double seconds = 0.0;
   std::uint64_t peakBytes = 0;  ///< resident, of the machine
+  MachineTimes times;
   std::uint64_t cRays = 0, shadowRays = 0, cones = 0, cacheReads = 0, exactPaths = 0;
   Bytes samples;
   template <class F>
   void fields(F&& f) {
-    f(pass), f(id), f(seconds), f(peakBytes), f(cRays), f(shadowRays), f(cones), f(cacheReads),
-        f(exactPaths);
+    f(pass), f(id), f(seconds), f(peakBytes);
+    times.fields(f);
+    f(cRays), f(shadowRays), f(cones), f(cacheReads), f(exactPaths);
     f(samples);
   }
 };
 
+/// A part of a file.
+struct FileRange {
+  std::uint64_t offset = 0;
+  std::uint32_t file = 0, bytes = 0;
+};
+
 struct Fetch {
   static constexpr Kind kKind = Kind::kFetch;
-  std::uint32_t file = 0, bytes = 0;
-  std::uint64_t number = 0, offset = 0;  ///< number: of the question
+  std::uint64_t number = 0;  ///< of the question
+  std::vector<FileRange> ranges;
   template <class F>
   void fields(F&& f) {
-    f(file), f(bytes), f(number), f(offset);
+    f(number), f(ranges);
   }
 };
 
+/// All ranges of a question, one after the other.
 struct Part {
   static constexpr Kind kKind = Kind::kPart;
   std::uint64_t number = 0;
@@ -175,6 +203,53 @@ struct Part {
   template <class F>
   void fields(F&& f) {
     f(number), f(bytes);
+  }
+};
+
+struct AtPhotons {
+  static constexpr Kind kKind = Kind::kAtPhotons;
+  std::uint32_t view = 0;
+  std::uint64_t first = 0, end = 0;  ///< of the batch
+  template <class F>
+  void fields(F&& f) {
+    f(view), f(first), f(end);
+  }
+};
+
+struct ShootPhotons {
+  static constexpr Kind kKind = Kind::kShoot;
+  std::uint32_t view = 0, id = 0;
+  std::uint64_t batch = 0;  ///< its first photon
+  std::uint64_t first = 0, end = 0;
+  template <class F>
+  void fields(F&& f) {
+    f(view), f(id), f(batch), f(first), f(end);
+  }
+};
+
+/// Photons [first, end) of a batch.
+template <Kind K>
+struct SomePhotons {
+  static constexpr Kind kKind = K;
+  std::uint32_t view = 0, id = 0;  ///< id: of the job, of those that were shot
+  std::uint64_t batch = 0, first = 0, end = 0;
+  double seconds = 0.0;  ///< that they took
+  ShotPhotons photons;
+  template <class F>
+  void fields(F&& f) {
+    f(view), f(id), f(batch), f(first), f(end), f(seconds), f(photons.records), f(photons.lessons);
+  }
+};
+using Shot = SomePhotons<Kind::kShot>;
+using Photons = SomePhotons<Kind::kPhotons>;
+
+struct ShootAlone {
+  static constexpr Kind kKind = Kind::kAlone;
+  std::uint32_t view = 0;
+  std::uint64_t batch = 0;
+  template <class F>
+  void fields(F&& f) {
+    f(view), f(batch);
   }
 };
 
@@ -206,6 +281,14 @@ void writeHead(Kind kind, Bytes& message);
 /// The kind of a message, whose body `body` becomes. Throws MessageError.
 Kind openMessage(ByteView message, ByteView& body);
 
+/// Elements of lists that are their bytes. (glm's vectors are, and do not say so.)
+template <class T>
+inline constexpr bool kIsBytes = std::is_trivially_copyable_v<T>;
+template <>
+inline constexpr bool kIsBytes<shaderio::PhotonRecord> = true;
+template <>
+inline constexpr bool kIsBytes<PhotonLesson> = true;
+
 /// Writes fields one after another.
 class FieldWriter {
  public:
@@ -215,7 +298,7 @@ class FieldWriter {
   void operator()(const std::string& text) { list(text.data(), text.size(), 1); }
   template <class T>
   void operator()(const std::vector<T>& values) {
-    static_assert(std::is_trivially_copyable_v<T>);
+    static_assert(kIsBytes<T>);
     list(values.data(), values.size(), sizeof(T));
   }
   /// The message whose body they are.
@@ -251,10 +334,12 @@ class FieldReader {
   }
   template <class T>
   void operator()(std::vector<T>& values) {
-    static_assert(std::is_trivially_copyable_v<T>);
+    static_assert(kIsBytes<T>);
     const ByteView bytes = list(sizeof(T));
     values.resize(bytes.size() / sizeof(T));
-    if (!bytes.empty()) std::memcpy(values.data(), bytes.data(), bytes.size());
+    if (!bytes.empty()) {
+      std::memcpy(static_cast<void*>(values.data()), bytes.data(), bytes.size());
+    }
   }
   /// Nothing may be left.
   void end() const {

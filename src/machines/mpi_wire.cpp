@@ -1,6 +1,7 @@
 #include "src/machines/mpi_wire.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cstdlib>
 #include <deque>
 #include <filesystem>
@@ -12,6 +13,8 @@
 
 namespace trex::machines {
 namespace {
+
+std::atomic<bool> endsUncleanly_{false};
 
 constexpr const char* kFile = "libtrex_mpi.so";
 
@@ -66,7 +69,9 @@ class MpiWire : public Wire {
            from, size);
     }
     Received got{static_cast<std::uint32_t>(from), Bytes(size)};
-    check(mpi().receive(got.message.data()));
+    bool whole = false;
+    check(mpi().receive(got.message.data(), whole));
+    if (!whole) return {};
     return got;
   }
 
@@ -79,7 +84,18 @@ class MpiWire : public Wire {
     return sending_.size();
   }
 
-  void finish() override { check(mpi().finish()); }
+  std::optional<std::uint32_t> lost() override {
+    const int rank = mpi().lost();
+    if (rank < 0) return {};
+    return static_cast<std::uint32_t>(rank);
+  }
+  void finish() override {
+    {
+      bool unclean = false;
+      check(mpi().finish(unclean));
+      endsUncleanly_ = unclean;
+    }
+  }
   void abort(int code) override { mpi().abort(code); }
 
  private:
@@ -114,6 +130,10 @@ Started startedAs() {
   }
   return {};
 }
+
+bool mpiEndsUncleanly() { return endsUncleanly_; }
+
+bool survivesDeaths() { return mpi().survives(); }
 
 bool hasMpi() { return std::filesystem::exists(besideProgram(kFile)); }
 

@@ -18,6 +18,12 @@ bool hasMpi();
 /// "Open MPI v4.1.4". Opens the library; throws Error(kMemoryOrDevice) if it can't be.
 std::string mpiLibrary();
 
+/// Whether the job goes on without a process that dies; after openMpiWire().
+bool survivesDeaths();
+/// After Wire::finish(): processes have died, so that MPI could not be ended as it should, and what
+/// it does at this process's end might wait for them: it had better end by _exit().
+bool mpiEndsUncleanly();
+
 /// Throws Error(kMemoryOrDevice) if this program was built without MPI or it can't be opened,
 /// Error(kFailed) if MPI can't start, or is another one than that of mpirun.
 std::unique_ptr<Wire> openMpiWire();

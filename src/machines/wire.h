@@ -29,7 +29,9 @@ class Wire {
   virtual std::optional<Received> receive() = 0;
   /// Messages that were taken and are not on their way yet. Moves them on.
   virtual std::size_t unsent() = 0;
-  /// The end, which all machines come to: waits for them.
+  /// A machine that has died, while the others go on; each once.
+  virtual std::optional<std::uint32_t> lost() { return {}; }
+  /// The end, which all machines come to that live: waits for them.
   virtual void finish() = 0;
   /// Ends all machines at once, those that don't answer too, as if this one had ended with `code`.
   virtual void abort(int code) = 0;

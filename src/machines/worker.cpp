@@ -12,6 +12,9 @@ namespace trex::machines {
 namespace {
 
 constexpr std::uint32_t kPartBytes = 4u << 20;  // of a file, asked for at once
+// Pages in a question: it takes as long as several pages do to travel, most of it for threads that
+// do something else.
+constexpr unsigned kPartsAtOnce = 8;
 constexpr std::uint64_t kMostUnits = 1u << 20;  // of a job that is no mistake
 
 /// The settings of a session that makes no picture of its own.
@@ -42,11 +45,30 @@ class Worker::RemoteFile : public hccm::PageFile {
   void read(std::uint64_t offset, std::span<std::byte> out) const override {
     while (!out.empty()) {
       const auto part = out.first(std::min<std::size_t>(out.size(), kPartBytes));
-      worker_.read(file_, offset, part);
+      const hccm::FilePart one{offset, part};
+      worker_.read(file_, {&one, 1});
       offset += part.size();
       out = out.subspan(part.size());
     }
   }
+  /// Of pages.
+  void readAll(std::span<const hccm::FilePart> parts) const override {
+    while (!parts.empty()) {
+      std::size_t count = 0;
+      for (std::size_t bytes = 0; count < parts.size(); ++count) {
+        bytes += parts[count].out.size();
+        if (bytes > kPartBytes) break;
+      }
+      if (count == 0) {
+        read(parts[0].offset, parts[0].out);
+        count = 1;
+      } else {
+        worker_.read(file_, parts.first(count));
+      }
+      parts = parts.subspan(count);
+    }
+  }
+  unsigned partsAtOnce() const override { return kPartsAtOnce; }
   void readAhead(std::uint64_t, std::uint64_t) const override {}
   std::string place(std::uint64_t offset) const override {
     return fmt::format("{} of machine 0, byte {}", name_, offset);
@@ -64,6 +86,11 @@ Worker::Worker(const Link::MakeWire& make, const Hello& self) : link_(make) {
                       if (from == 0) hear(kind, body);
                     },
                 .tick = {},
+                .lost =
+                    [this](std::uint32_t machine) {
+                      if (machine != 0) return;  // the others are machine 0's to miss
+                      broken(Error(ExitCode::kFailed, "machine 0 has ended"));
+                    },
                 .broken = [this](const Error& e) { broken(e); }});
   link_.send(0, self);
 }
@@ -92,6 +119,10 @@ void Worker::hear(Kind kind, ByteView body) {
       changed_.notify_all();
       return;
     }
+    case Kind::kShoot:
+    case Kind::kPhotons:
+    case Kind::kAlone:
+      return hearOfPhotons(kind, body);
     case Kind::kView:
     case Kind::kStop:
       ++views_;
@@ -145,13 +176,19 @@ std::unique_ptr<hccm::PageFile> Worker::file(std::uint32_t number, const std::st
   return std::make_unique<RemoteFile>(*this, number, name);
 }
 
-void Worker::read(std::uint32_t file, std::uint64_t offset, std::span<std::byte> out) {
-  if (out.empty()) return;
+void Worker::read(std::uint32_t file, std::span<const hccm::FilePart> parts) {
+  Fetch fetch;
+  std::size_t bytes = 0;
+  for (const hccm::FilePart& part : parts) {
+    fetch.ranges.push_back({part.offset, file, static_cast<std::uint32_t>(part.out.size())});
+    bytes += part.out.size();
+  }
+  if (bytes == 0) return;
   std::unique_lock lock(mutex_);
-  const std::uint64_t number = ++questions_;
+  const std::uint64_t number = fetch.number = ++questions_;
   parts_[number];
   lock.unlock();
-  link_.send(0, Fetch{file, static_cast<std::uint32_t>(out.size()), number, offset});
+  link_.send(0, fetch);
   lock.lock();
   changed_.wait(lock, [&] { return !parts_[number].empty() || problem_ || stopped_; });
   const Bytes got = std::move(parts_[number]);
@@ -160,11 +197,14 @@ void Worker::read(std::uint32_t file, std::uint64_t offset, std::span<std::byte>
     if (problem_) throw Error(*problem_);
     fail(ExitCode::kInterrupted, "machine 0 has ended the work");
   }
-  if (got.size() != out.size()) {
-    fail(ExitCode::kFailed, "machine 0: sent {} bytes of a file instead of {}", got.size(),
-         out.size());
+  if (got.size() != bytes) {
+    fail(ExitCode::kFailed, "machine 0: sent {} bytes of a file instead of {}", got.size(), bytes);
   }
-  std::copy(got.begin(), got.end(), out.begin());
+  auto from = got.begin();
+  for (const hccm::FilePart& part : parts) {
+    std::copy_n(from, part.out.size(), part.out.begin());
+    from += static_cast<std::ptrdiff_t>(part.out.size());
+  }
 }
 
 void Worker::setView(Work& work, const SetView& message, std::uint32_t begun) {
@@ -173,7 +213,13 @@ void Worker::setView(Work& work, const SetView& message, std::uint32_t begun) {
   work.pass.reset();
   if (work.view != message.view || !work.session) {
     work.session.reset();
+    {
+      const std::lock_guard lock(mutex_);
+      view_ = message.view;
+      batch_.reset();
+    }
     work.session = std::make_unique<Session>(work.model, work.cameras[message.view], work.settings);
+    work.session->sharePhotons(this);
     work.session->giveUpWhen([this] { return passes_ != passBegun_; });
     work.view = message.view;
   }
@@ -212,6 +258,9 @@ void Worker::takeJob(Work& work, const GiveJob& message, std::uint32_t begun) {
   result.id = message.id;
   result.seconds = secondsNow() - start;
   result.peakBytes = peakResidentBytes();
+  const SessionReport done = work.session->report();
+  result.times = {processorSeconds(),     done.photonSeconds,   done.traffic.waiting,
+                  done.traffic.unpacking, done.traffic.reading, done.pages.loads};
   result.cRays = taken.rays.cRays;
   result.shadowRays = taken.rays.shadowRays;
   result.cones = taken.rays.cones;
@@ -233,6 +282,7 @@ void Worker::run(std::shared_ptr<const Model> model, const std::vector<Camera>& 
           setView(work, decode<SetView>(body), heard->views);
           break;
         case Kind::kLight:
+          passBegun_ = heard->passes;  // photons that wait for pages ask, too
           if (const auto light = decode<LightComes>(body);
               work.session && light.view == work.view) {
             work.session->makeLight(light.photons,
@@ -240,6 +290,7 @@ void Worker::run(std::shared_ptr<const Model> model, const std::vector<Camera>& 
           }
           break;
         case Kind::kPass:
+          passBegun_ = heard->passes;
           startPass(work, decode<Pass>(body));
           break;
         case Kind::kRest:

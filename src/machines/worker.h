@@ -12,6 +12,7 @@
 
 #include "hccmesh/pages.h"
 #include "src/machines/link.h"
+#include "src/machines/photon_parts.h"
 #include "src/scene/scene.h"
 #include "src/session/model.h"
 #include "src/session/session.h"
@@ -19,11 +20,11 @@
 
 namespace trex::machines {
 
-class Worker {
+class Worker : public PhotonSharer {
  public:
   /// Greets machine 0. Throws Error.
   Worker(const Link::MakeWire& make, const Hello& self);
-  ~Worker();
+  ~Worker() override;
 
   std::uint32_t rank() const { return link_.rank(); }
 
@@ -36,6 +37,9 @@ class Worker {
   /// settings.
   void run(std::shared_ptr<const Model> model, const std::vector<Camera>& views,
            const RenderSettings& settings, std::uint64_t digest);
+  /// By the sessions of run().
+  std::optional<ShotPhotons> shoot(const PhotonBatch& batch, const ShootHere& here,
+                                   const std::function<bool()>& keepGoing) override;
   /// Says that this machine can't go on, and waits until machine 0 has said stop.
   void failed(const Error& error);
   /// Waits for the end of all.
@@ -52,9 +56,10 @@ class Worker {
   struct Work;
 
   void hear(Kind kind, ByteView body);
+  void hearOfPhotons(Kind kind, ByteView body);
   void broken(const Error& error);
   std::optional<Heard> next();
-  void read(std::uint32_t file, std::uint64_t offset, std::span<std::byte> out);
+  void read(std::uint32_t file, std::span<const hccm::FilePart> parts);
   void setView(Work& work, const SetView& message, std::uint32_t begun);
   void startPass(Work& work, Pass pass);
   void takeJob(Work& work, const GiveJob& message, std::uint32_t begun);
@@ -68,7 +73,11 @@ class Worker {
   std::atomic<std::uint32_t> passBegun_{0};          ///< of passes_, of the job under way
   std::map<std::uint64_t, Bytes> parts_;             ///< that were asked for; empty until they come
   std::uint64_t questions_ = 0;
-  Link link_;  ///< the last: it calls the others
+  std::uint32_t view_ = ~0u;             ///< whose photons are shot
+  std::optional<PhotonParts> batch_;     ///< that it waits for
+  std::deque<ShootPhotons> photonJobs_;  ///< of it
+  bool alone_ = false;                   ///< nobody else shoots it
+  Link link_;                            ///< the last: it calls the others
 };
 
 }  // namespace trex::machines

@@ -265,10 +265,10 @@ std::optional<std::uint32_t> LoadChoice::ahead() {
   return {};
 }
 
-void LoadChoice::read(std::uint32_t page, double seconds) {
+void LoadChoice::read(std::uint64_t bytes, double seconds) {
   // Not a mean: a thread that lost its processor has not met a slow disk.
   readSeconds_ = std::clamp(readSeconds_ * (seconds > readSeconds_ ? 1.1 : 1.0 / 1.1), 1e-6, 1.0);
-  keep(brought_, broughtNext_, kSamples, static_cast<double>(bytesOf(page)), seconds);
+  keep(brought_, broughtNext_, kSamples, static_cast<double>(bytes), seconds);
 }
 
 void LoadChoice::loaded(std::uint32_t page, double seconds) {

@@ -50,8 +50,9 @@ class LoadChoice {
   double expected(std::uint32_t page) const {
     return share_[blockOf(page)] * static_cast<double>(pages_[page].came);
   }
-  /// It was read, and unpacked.
-  void read(std::uint32_t page, double seconds);
+  /// A read has ended, of pages that take so many bytes in memory.
+  void read(std::uint64_t bytes, double seconds);
+  /// A page was unpacked.
   void loaded(std::uint32_t page, double seconds);
   /// The page to give up; none if all that are there are in use.
   std::optional<std::uint32_t> victim();

@@ -23,10 +23,11 @@ PageTraffic::PageTraffic(const hccm::PagedMesh& mesh, LoadChoice& choice, PageQu
       announced_(queues.pages()),
       paths_(paths),
       left_(paths),
+      atOnce_(std::max(cache_.file().partsAtOnce(), 1u)),
       packedLimit_(cache_.limit() / kPackedShare) {
   for (const hccm::PageEntry& page : mesh.table().pages)
     largest_ = std::max<std::uint64_t>(largest_, page.packedBytes);
-  packedLimit_ = std::max(packedLimit_, largest_ * readers);
+  packedLimit_ = std::max(packedLimit_, largest_ * readers * atOnce_);
   choice_.begin(cache_, queues, record);
   for (unsigned i = 0; i < readers; ++i) readers_.emplace_back([this, i] { read(i); });
 }
@@ -249,7 +250,8 @@ bool PageTraffic::fits(std::uint64_t bytes) {
 /// is chosen later is chosen better.
 std::size_t PageTraffic::depth() const {
   if (next_ < paths_) return packed_.size() + reading_ + 1;  // there is time
-  return 2 * readers_.size() + static_cast<std::size_t>(kAhead * choice_.readSeconds() / interval_);
+  return 2 * atOnce_ * readers_.size() +
+         static_cast<std::size_t>(kAhead * choice_.readSeconds() / interval_);
 }
 
 /// What to read now. The lock is held.
@@ -265,6 +267,7 @@ std::optional<PageTraffic::Packed> PageTraffic::toRead(bool mayBeAhead) {
     if (!fits(bytes)) return {};
     wanted_.reset();
     packedBytes_ += bytes;
+    ++reading_;
     return Packed{page, false, {}};
   }
   // What nobody waits for yet drives nothing out.
@@ -272,33 +275,52 @@ std::optional<PageTraffic::Packed> PageTraffic::toRead(bool mayBeAhead) {
   const std::optional<std::uint32_t> page = choice_.ahead();
   if (!page) return {};
   packedBytes_ += choice_.packedBytesOf(*page);
+  ++reading_;
   return Packed{*page, true, {}};
 }
 
+/// What to read together. The lock is held.
+void PageTraffic::takeToRead(std::vector<Packed>& some) {
+  some.clear();
+  while (choice_.readsAhead() && some.size() < atOnce_) {
+    std::optional<Packed> next = toRead(true);
+    if (!next) return;
+    some.push_back(std::move(*next));
+  }
+}
+
 /// The lock is held, but not meanwhile. Seconds that it took.
-PageTraffic::Span PageTraffic::readOne(std::unique_lock<std::mutex>& lock, Packed packed) {
-  ++reading_;
-  if (!spare_.empty()) {
-    packed.bytes = std::move(spare_.back());
+PageTraffic::Span PageTraffic::readThese(std::unique_lock<std::mutex>& lock,
+                                         std::span<Packed> some) {
+  for (std::size_t i = 0; i < some.size() && !spare_.empty(); ++i) {
+    some[i].bytes = std::move(spare_.back());
     spare_.pop_back();
   }
   lock.unlock();
+  std::uint64_t bytes = 0;
+  std::vector<hccm::FilePart> parts;
+  for (Packed& p : some) {
+    const hccm::PageEntry& entry = mesh_.table().pages[p.page];
+    p.bytes.resize(entry.packedBytes);
+    parts.push_back({entry.offset, p.bytes});
+    bytes += choice_.bytesOf(p.page);
+  }
   const double start = secondsNow();
   std::exception_ptr failed;
   try {
-    hccm::readPage(cache_.file(), mesh_.table(), packed.page, packed.bytes);
+    cache_.file().readAll(parts);
   } catch (...) {
     failed = std::current_exception();
   }
   const double end = secondsNow();
   lock.lock();
-  --reading_;
-  choice_.read(packed.page, end - start);
+  reading_ -= some.size();
+  choice_.read(bytes, end - start);
   report_.reading += end - start;
   if (failed) {
     failLocked(std::move(failed));
   } else {
-    packed_.push_back(std::move(packed));
+    for (Packed& p : some) packed_.push_back(std::move(p));
     if (idle_ > 0) work_.notify_one();
   }
   return {start, end};
@@ -310,7 +332,7 @@ bool PageTraffic::readHere(std::unique_lock<std::mutex>& lock, unsigned thread) 
   std::optional<Packed> next = toRead(false);
   if (!next) return false;
   const std::uint32_t page = next->page;
-  const Span span = readOne(lock, std::move(*next));
+  const Span span = readThese(lock, {&*next, 1});
   report_.waiting += span.end - span.start;
   if (record_ != nullptr) record_->loaded(thread, page, span.start, span.end);
   return true;
@@ -319,14 +341,17 @@ bool PageTraffic::readHere(std::unique_lock<std::mutex>& lock, unsigned thread) 
 /// One reading thread looks for itself whether there is something to read; it wakes the others.
 void PageTraffic::read(unsigned reader) {
   std::unique_lock lock(mutex_);
+  std::vector<Packed> some;
+  std::vector<std::uint32_t> pages;
   while (!stop_) {
-    std::optional<Packed> next;
-    if (choice_.readsAhead()) next = toRead(true);
-    if (next) {
+    takeToRead(some);
+    if (!some.empty()) {
       disk_.notify_one();
-      const std::uint32_t page = next->page;
-      const Span span = readOne(lock, std::move(*next));
-      if (record_ != nullptr) record_->read(reader, page, span.start, span.end);
+      pages.clear();
+      for (const Packed& p : some) pages.push_back(p.page);
+      const Span span = readThese(lock, some);
+      if (record_ == nullptr) continue;
+      for (const std::uint32_t page : pages) record_->read(reader, page, span.start, span.end);
     } else if (reader == 0) {
       if (disk_.wait_for(lock, kLookAgain) == std::cv_status::timeout) choice_.lookAgain();
     } else {

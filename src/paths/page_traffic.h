@@ -21,6 +21,7 @@
 #include <exception>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <thread>
 #include <vector>
 
@@ -126,7 +127,8 @@ class PageTraffic {
   std::optional<Packed> toRead(bool mayBeAhead);
   std::size_t depth() const;
   bool readHere(std::unique_lock<std::mutex>& lock, unsigned thread);
-  Span readOne(std::unique_lock<std::mutex>& lock, Packed packed);
+  void takeToRead(std::vector<Packed>& some);
+  Span readThese(std::unique_lock<std::mutex>& lock, std::span<Packed> some);
   bool fits(std::uint64_t bytes);
   void drop(std::size_t place);
 
@@ -143,6 +145,7 @@ class PageTraffic {
   std::vector<Packed> packed_;                 ///< that were read
   std::vector<std::vector<std::byte>> spare_;  ///< memory of such that were unpacked
   std::uint64_t packedBytes_ = 0;  ///< of these, and of those that are being read or unpacked
+  const unsigned atOnce_;          ///< pages that a thread reads at once
   std::uint64_t packedLimit_, largest_ = 0;  ///< largest_: packed page
   std::optional<std::uint32_t> wanted_;      ///< the next to read, once there is room
   std::size_t reading_ = 0;                  ///< pages that are being read

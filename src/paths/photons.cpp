@@ -193,18 +193,23 @@ std::optional<std::vector<LandedPhoton>> landPhotons(const Scene& scene, const W
   return landed;
 }
 
-std::size_t learn(std::span<const LandedPhoton> landed, const ImportanceMap& importance,
-                  std::span<EmissionGuide> guides) {
-  std::size_t wanted = 0;
+std::vector<PhotonLesson> lessonsOf(std::span<const LandedPhoton> landed,
+                                    const ImportanceMap& importance,
+                                    std::span<const EmissionGuide> guides) {
+  std::vector<PhotonLesson> lessons;
   for (const LandedPhoton& p : landed) {
     if (p.source >= guides.size() || guides[p.source].dimensions() == 0) continue;
     const float visits = importance.visits(p.position, p.normal);
-    if (!(visits > 0.0f)) continue;
-    guides[p.source].learn(p.primary, p.density, visits);
-    ++wanted;
+    if (visits > 0.0f) lessons.push_back({p.primary, p.density, visits, p.source});
+  }
+  return lessons;
+}
+
+void learn(std::span<const PhotonLesson> lessons, std::span<EmissionGuide> guides) {
+  for (const PhotonLesson& l : lessons) {
+    if (l.source < guides.size()) guides[l.source].learn(l.primary, l.density, l.visits);
   }
   for (EmissionGuide& guide : guides) guide.update();
-  return wanted;
 }
 
 }  // namespace trex

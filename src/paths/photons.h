@@ -38,9 +38,21 @@ std::optional<std::vector<LandedPhoton>> landPhotons(const Scene& scene, const W
                                                      std::span<const EmissionGuide> guides = {},
                                                      const std::function<bool()>& giveUp = {});
 
-/// Teaches the guides which photons landed where light is wanted, in their order. Returns how many
-/// of the sources with a guide did.
-std::size_t learn(std::span<const LandedPhoton> landed, const ImportanceMap& importance,
-                  std::span<EmissionGuide> guides);
+/// A photon that landed where light is wanted, as guides learn from it. 28 bytes.
+struct PhotonLesson {
+  vec4 primary;  ///< this, density and source as in EmittedPhoton
+  float density;
+  float visits;  ///< ImportanceMap::visits(), above 0
+  std::uint32_t source;
+};
+static_assert(sizeof(PhotonLesson) == 28);
+
+/// What guides can learn of photons that landed, in their order.
+std::vector<PhotonLesson> lessonsOf(std::span<const LandedPhoton> landed,
+                                    const ImportanceMap& importance,
+                                    std::span<const EmissionGuide> guides);
+
+/// Teaches it to them. Lessons of sources without a guide are left out.
+void learn(std::span<const PhotonLesson> lessons, std::span<EmissionGuide> guides);
 
 }  // namespace trex

@@ -67,29 +67,53 @@ std::uint64_t LightPass::boundary() const {
   return (emitted_ / batch + 1) * batch;
 }
 
-/// False if it was given up: nothing has changed then.
-bool LightPass::shoot(std::uint64_t count, const std::function<bool()>& giveUp) {
+/// Photons [first, first + count) of the batch under way; none if they were given up.
+std::optional<ShotPhotons> LightPass::land(std::uint64_t first, std::uint64_t count,
+                                           const std::function<bool()>& giveUp) const {
   const auto inverse = static_cast<float>(1.0 / scale_);
-  const std::uint64_t end = boundary();
   const auto landed =
-      landPhotons(scene_, walks_, lights_, seed_, emitted_, count, rayBounces_, guides_, giveUp);
-  if (!landed) return false;
-  std::vector<shaderio::PhotonRecord> records;
-  records.reserve(landed->size());
+      landPhotons(scene_, walks_, lights_, seed_, first, count, rayBounces_, guides_, giveUp);
+  if (!landed) return {};
+  ShotPhotons shot;
+  shot.records.reserve(landed->size());
   for (const LandedPhoton& p : *landed) {
     const std::uint32_t flags =
         (rayBounces_ ? shaderio::kLastLanding : 0u) + (p.bounce > 0 ? shaderio::kLaterLanding : 0u);
-    records.push_back(
+    shot.records.push_back(
         {p.position, cache_.tracer().asvoOctEncode(p.normal), p.power * inverse, p.index + flags});
-    landed_ += p.bounce == 0 ? 1 : 0;
   }
-  if (!records.empty()) device_.tracePhotons(records, unit_);
+  shot.lessons = lessonsOf(*landed, importance_, guides_);
+  return shot;
+}
+
+/// The same by all machines together, if there are several.
+std::optional<ShotPhotons> LightPass::landTogether(std::uint64_t count,
+                                                   const std::function<bool()>& keepGoing,
+                                                   const std::function<bool()>& giveUp) {
+  if (sharer_ == nullptr) return land(emitted_, count, giveUp);
+  const auto here = [&](std::uint64_t first, std::uint64_t end) {
+    return land(first, end - first, giveUp);
+  };
+  return sharer_->shoot({emitted_, emitted_ + count, walks_.waits()}, here, keepGoing);
+}
+
+/// False if it was given up: nothing has changed then.
+bool LightPass::shoot(std::uint64_t count, const std::function<bool()>& keepGoing,
+                      const std::function<bool()>& giveUp) {
+  const std::uint64_t end = boundary();
+  auto shot = landTogether(count, keepGoing, giveUp);
+  if (!shot) return false;
+  for (const shaderio::PhotonRecord& r : shot->records) {
+    landed_ += (r.index & shaderio::kLaterLanding) == 0 ? 1 : 0;
+  }
+  if (!shot->records.empty()) device_.tracePhotons(shot->records, unit_);
   if (noticeLoss()) return true;
   emitted_ += count;
   if (guides_.empty()) return true;
-  unlearned_.insert(unlearned_.end(), landed->begin(), landed->end());
+  unlearned_.insert(unlearned_.end(), shot->lessons.begin(), shot->lessons.end());
   if (emitted_ < end) return true;
-  wanted_ += learn(unlearned_, importance_, guides_);
+  wanted_ += unlearned_.size();
+  learn(unlearned_, guides_);
   unlearned_.clear();
   return true;
 }
@@ -114,9 +138,10 @@ bool LightPass::run(std::uint64_t target, const std::function<bool()>& keepGoing
   do {
     while (emitted_ < target && (going = going && keepGoing())) {
       const auto mark = std::chrono::steady_clock::now();
-      // Photons that wait share loads: the more the better.
-      const std::uint64_t most = walks_.waits() ? kBatch : chunk_;
-      going = shoot(std::min({most, boundary() - emitted_, target - emitted_}), giveUp);
+      // Photons that wait share loads: the more the better. Machines wait for each other after
+      // each.
+      const std::uint64_t most = walks_.waits() || sharer_ != nullptr ? kBatch : chunk_;
+      going = shoot(std::min({most, boundary() - emitted_, target - emitted_}), keepGoing, giveUp);
       const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - mark;
       if (taken.count() > 1.5 * kChunkSeconds) chunk_ = std::max<std::uint64_t>(chunk_ / 2, 256);
       if (taken.count() < 0.5 * kChunkSeconds) chunk_ = std::min(chunk_ * 2, kBatch);

@@ -4,11 +4,12 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 
 #include "src/crays/camera_rays.h"
 #include "src/crays/light_cache.h"
 #include "src/grays/grays.h"
-#include "src/paths/photons.h"
+#include "src/session/shot_photons.h"
 
 namespace trex {
 
@@ -28,6 +29,9 @@ class LightPass {
   /// To be called before the first run(); without it they start uniformly. Costs some ms, and
   /// nothing if no source shines from outside.
   void aim(const CameraRays& camera, std::uint32_t width, std::uint32_t height);
+
+  /// From now on photons are shot together with other machines; it outlives this.
+  void share(PhotonSharer* sharer) { sharer_ = sharer; }
 
   /// Shoots what is missing up to `target` photons in all and resolves. Asks `keepGoing` every few
   /// milliseconds; false if it said no: the light is then as it was, and the next call goes on. The
@@ -55,7 +59,13 @@ class LightPass {
 
  private:
   std::uint64_t boundary() const;
-  bool shoot(std::uint64_t count, const std::function<bool()>& giveUp);
+  std::optional<ShotPhotons> land(std::uint64_t first, std::uint64_t count,
+                                  const std::function<bool()>& giveUp) const;
+  std::optional<ShotPhotons> landTogether(std::uint64_t count,
+                                          const std::function<bool()>& keepGoing,
+                                          const std::function<bool()>& giveUp);
+  bool shoot(std::uint64_t count, const std::function<bool()>& keepGoing,
+             const std::function<bool()>& giveUp);
   bool noticeLoss();
 
   const Scene& scene_;
@@ -65,12 +75,13 @@ class LightPass {
   LightCache& cache_;
   std::uint32_t seed_;
   bool rayBounces_;
+  PhotonSharer* sharer_ = nullptr;  ///< not ours
   double scale_ = 1.0, unit_ = 1.0, seconds_ = 0.0;
   std::uint64_t emitted_ = 0, landed_ = 0, wanted_ = 0;
   int losses_ = 0;                       ///< GRayTracer::fluxLosses() of before
   std::uint64_t resolved_ = 0;           ///< photons that the cache knows of
   std::uint64_t chunk_ = 1u << 11;       ///< photons that take some milliseconds here
-  std::vector<LandedPhoton> unlearned_;  ///< of the batch under way
+  std::vector<PhotonLesson> unlearned_;  ///< of the batch under way
   ImportanceMap importance_;
   std::vector<EmissionGuide> guides_;  ///< by source; none if nothing is to be guided
   std::vector<EmissionGuide> hints_;   ///< guides before they learn from photons

@@ -136,8 +136,14 @@ class Session {
 
   // With other machines, of captures: session_shared.cpp.
 
-  /// From now on the frame's samples are this one's to take; it outlives the session's work.
-  void shareSamples(SampleSharer* sharer) { sharer_ = sharer; }
+  /// From now on the frame's samples are this one's to take, and photons to shoot; it outlives the
+  /// session's work. To be called before the first work.
+  void shareSamples(SampleSharer* sharer) {
+    sharer_ = sharer;
+    sharePhotons(sharer);
+  }
+  /// Photons alone.
+  void sharePhotons(PhotonSharer* sharer) { light_.share(sharer); }
   /// The light that samples read, of so many photons; nothing where none is read. False if
   /// keepGoing said no.
   bool makeLight(std::uint64_t photons, const KeepGoing& keepGoing);

@@ -8,6 +8,7 @@
 
 #include "src/frame/features.h"
 #include "src/paths/path_sample.h"
+#include "src/session/shot_photons.h"
 
 namespace trex {
 
@@ -31,10 +32,10 @@ struct TakenSamples {
   RayCounts rays;  ///< of all together
 };
 
-/// Takes a session's samples together with others, instead of the session alone.
-class SampleSharer {
+/// Takes a session's samples together with others, instead of the session alone; and shoots its
+/// photons, which the others, who need them too, wait for.
+class SampleSharer : public PhotonSharer {
  public:
-  virtual ~SampleSharer() = default;
   /// The session makes the light of `photons` photons now; samples will read it.
   virtual void lightComes(const Session& session, std::uint64_t photons) = 0;
   /// Adds samples to the session's frame until its tiles stand at their barrier, or keepGoing says

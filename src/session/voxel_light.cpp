@@ -72,6 +72,7 @@ void VoxelLight::start(const Model& model, const WalkTracer& walks, const LightS
       kind_ == PhotonKind::kRay || (kind_ == PhotonKind::kAuto && side.device->sharesHostCores());
   side.pass = std::make_unique<LightPass>(model.scene, walks, lights, *side.device, *side.cache,
                                           seed_, rays);
+  side.pass->share(sharer_);
   side.pass->aim(aim, width, height);
 }
 

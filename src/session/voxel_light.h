@@ -65,6 +65,8 @@ class VoxelLight {
   /// Shoots what is missing up to `photons` in all: see LightPass::run(). True, and kReady, if
   /// keepGoing let it. In kShooting and kReady.
   bool shoot(std::uint64_t photons, const std::function<bool()>& keepGoing);
+  /// Photons that start from now on are shot together with other machines; it outlives this.
+  void share(PhotonSharer* sharer) { sharer_ = sharer; }
   /// Asked by any thread while photons wait for pages: LightPass::run().
   void setGiveUp(std::function<bool()> ask) { giveUp_ = std::move(ask); }
 
@@ -117,6 +119,7 @@ class VoxelLight {
   Side present_, before_;  ///< before_: of other voxels, while present_ has no light yet
   std::function<void()> setValues_;
   std::function<bool()> giveUp_;
+  PhotonSharer* sharer_ = nullptr;  ///< not ours
 };
 
 }  // namespace trex

@@ -2,10 +2,15 @@
 """Several machines on one: network namespaces with links of a given speed, and a share of the cores each. As root.
 
     machines.py --trex build/trex [--triangles 1e6] [--machines 1,2,4] [--megabits 1000,100] [--share 0.4] [--runs 1]
+                [--model FILE] [--by-machine]
+    machines.py --trex build/trex --kill FOLDER [--triangles 1e6] [--share 0.4] [--runs 3]
+
+The latter, with the Open MPI 5 of scripts/openmpi5 FOLDER: four processes with a share of the cores each, undisturbed and with one
+killed at half time, in turn (no links: all on this machine).
 
 Prints for each number of machines how long the same picture takes, and what travelled: central scene database (only machine 0 has
 the model, the others start with nothing) and local copies. All pictures must have the same bytes. Leaves nothing behind."""
-import argparse, json, os, shutil, statistics, subprocess, sys, tempfile
+import argparse, json, os, resource, shutil, signal, statistics, subprocess, sys, tempfile, time
 
 NAME = "trex-bench"
 CPU = "/sys/fs/cgroup/cpu"
@@ -13,6 +18,13 @@ CPU = "/sys/fs/cgroup/cpu"
 
 def call(*command, check=True):
     return subprocess.run([str(c) for c in command], check=check, capture_output=True, text=True)
+
+
+def give_share(group, share):
+    os.makedirs(f"{CPU}/{group}", exist_ok=True)
+    for key, value in (("cpu.cfs_period_us", 20000), ("cpu.cfs_quota_us", int(20000 * share))):
+        with open(f"{CPU}/{group}/{key}", "w") as f:
+            f.write(str(value))
 
 
 class Machines:
@@ -35,10 +47,7 @@ class Machines:
             limit = ["tbf", "rate", f"{megabits}mbit", "burst", "256kb", "latency", "50ms"]
             call("tc", "-n", space, "qdisc", "add", "dev", "net", "root", *limit)
             call("tc", "-n", NAME, "qdisc", "add", "dev", f"port{i}", "root", *limit)
-            os.makedirs(f"{CPU}/{space}", exist_ok=True)
-            for key, value in (("cpu.cfs_period_us", 20000), ("cpu.cfs_quota_us", int(20000 * share))):
-                with open(f"{CPU}/{space}/{key}", "w") as f:
-                    f.write(str(value))
+            give_share(space, share)
         # What mpirun calls instead of ssh: it enters the machine that has the address. (In a namespace /sys is another one.)
         self.agent = os.path.join(folder, "agent")
         with open(self.agent, "w") as f:
@@ -69,6 +78,65 @@ class Machines:
         return json.loads(p.stdout)
 
 
+class Killed:
+    """Processes on this machine by Open MPI 5, each with its share of the cores; one of them is killed."""
+
+    def __init__(self, openmpi, share, folder, count=4):
+        self.count, self.openmpi = count, openmpi
+        self.wrapper = os.path.join(folder, "wrapper")
+        with open(self.wrapper, "w") as f:
+            f.write(f'#!/bin/sh\necho $$ >{CPU}/{NAME}-$OMPI_COMM_WORLD_RANK/cgroup.procs || exit 1\n'
+                    f'echo $$ >{folder}/pid-$OMPI_COMM_WORLD_RANK\nexec "$@"\n')
+        os.chmod(self.wrapper, 0o755)
+        self.folder = folder
+        for i in range(count):
+            give_share(f"{NAME}-{i}", share)
+
+    def remove(self):
+        for i in range(self.count):
+            if os.path.isdir(f"{CPU}/{NAME}-{i}"):
+                os.rmdir(f"{CPU}/{NAME}-{i}")
+
+    def run(self, trex, arguments, kill_after=None):
+        mpi = [os.path.join(self.openmpi, "bin", "mpirun"), "--with-ft", "ulfm", "--allow-run-as-root", "--bind-to", "none",
+               "--map-by", ":OVERSUBSCRIBE", "-n", self.count]
+        p = subprocess.Popen([str(c) for c in [*mpi, self.wrapper, trex, "render", *arguments]], stdout=subprocess.PIPE,
+                             stderr=subprocess.PIPE, text=True,
+                             env={**os.environ, "LD_LIBRARY_PATH": os.path.join(self.openmpi, "lib")})
+        if kill_after:
+            time.sleep(kill_after)
+            with open(os.path.join(self.folder, "pid-2")) as f:
+                os.kill(int(f.read()), signal.SIGKILL)
+        out, err = p.communicate()
+        if p.returncode != 0:
+            sys.exit(f"ended with {p.returncode}:\n{err}")
+        return json.loads(out)
+
+
+def kill_one(a, trex, folder, job):
+    """What it costs that one of four dies at half time."""
+    killed = Killed(os.path.abspath(a.kill), a.share, folder)
+    try:
+        out, first, ratios = os.path.join(folder, "a.exr"), None, []
+        for _ in range(a.runs):
+            seconds = []
+            for after in (None, True):
+                start = time.monotonic()
+                report = killed.run(trex, [*job, "-o", out, "--scene-db", "local"], after and 0.5 * seconds[0])
+                seconds.append(time.monotonic() - start)
+                with open(out, "rb") as f:
+                    picture = f.read()
+                first = first or picture
+                if picture != first:
+                    sys.exit("another picture")
+            ratios.append(seconds[1] / seconds[0])
+            print(f"four: {seconds[0]:.1f} s; one killed after {0.5 * seconds[0]:.1f} s: {seconds[1]:.1f} s, {ratios[-1]:.2f}x; "
+                  f"jobs given out again: {report['jobs_given_out_again']}", flush=True)
+        print(f"median {statistics.median(ratios):.2f}x (bar 1.35x), the same bytes")
+    finally:
+        killed.remove()
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trex", required=True)
@@ -80,6 +148,9 @@ def main():
     parser.add_argument("--spp", type=int, default=16)
     parser.add_argument("--size", default="320x180")
     parser.add_argument("--exact", default="1")
+    parser.add_argument("--model", help="a bundle that is there already, in place of --triangles")
+    parser.add_argument("--by-machine", action="store_true", help="what each machine's time went into")
+    parser.add_argument("--kill", help="folder of scripts/openmpi5: what a death costs")
     parser.add_argument("--runs", type=int, default=1, help="medians of so many")
     a = parser.parse_args()
     if os.geteuid() != 0 or not os.access(CPU, os.W_OK) or not all(map(shutil.which, ("mpirun", "ip", "tc", "unshare"))):
@@ -95,12 +166,18 @@ def main():
     try:
         os.mkdir(os.path.join(folder, "cpu"))
         call("mount", "--bind", CPU, os.path.join(folder, "cpu"))
-        model = os.path.join(folder, "model.trex")
-        call(trex, "bake", f"synth:assembly?triangles={a.triangles}&seed=3", "-o", model, "--stream", "-q")
+        model = os.path.abspath(a.model) if a.model else os.path.join(folder, "model.trex")
+        if not a.model:
+            call(trex, "bake", f"synth:assembly?triangles={a.triangles}&seed=3", "-o", model, "--stream", "-q")
         pages = json.loads(call(trex, "info", model, "--json").stdout)["mesh_pages"]
         cache = max(int(pages["memory_bytes"] * a.cache), pages["largest_page_bytes"] + 8192)
-        print(f"{a.triangles} triangles, {os.path.getsize(model) / 1e6:.1f} MB; {a.size}, {a.spp} samples, --exact {a.exact}; each machine "
+        print(f"{a.model or a.triangles + ' triangles'}, {os.path.getsize(model) / 1e6:.1f} MB; {a.size}, {a.spp} samples, --exact {a.exact}; each machine "
               f"{a.share} of a core and {cache / 1e6:.1f} MB of pages")
+        job = [model, "--size", a.size, "--spp", a.spp, "--exact", a.exact, "--device", "none", "--denoise", "off", "--threads", 1,
+               "--cache", cache, "--json"]
+        if a.kill:
+            kill_one(a, trex, folder, job)
+            return 0
         print("link      machines  database  seconds  speed-up  model sent  samples back  peak of others")
         first = alone = None
         for megabits in a.megabits.split(","):
@@ -109,12 +186,10 @@ def main():
                     continue
                 machines = Machines(count, megabits, a.share, folder)
                 for database in ("local", "central") if count > 1 else ("-",):
-                    reports = []
+                    reports, before = [], resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
                     for _ in range(a.runs):
                         out = os.path.join(folder, "a.exr")
-                        reports.append(machines.run(trex, [
-                            model, "-o", out, "--size", a.size, "--spp", a.spp, "--exact", a.exact, "--device", "none", "--denoise", "off",
-                            "--threads", 1, "--cache", cache, "--json", *(["--scene-db", database] if count > 1 else [])]))
+                        reports.append(machines.run(trex, [*job, "-o", out, *(["--scene-db", database] if count > 1 else [])]))
                         with open(out, "rb") as f:
                             picture = f.read()
                         first = first or picture
@@ -123,10 +198,18 @@ def main():
                     seconds = statistics.median(r["render_seconds"] for r in reports)
                     alone = alone or seconds
                     rows = reports[-1].get("machines", [])
+                    used = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
                     print(f"{megabits:>4} Mbit {count:9} {database:>9} {seconds:8.1f} {alone / seconds:8.2f}x "
                           f"{sum(r['model_bytes_sent'] for r in rows) / 1e6:8.1f} MB "
                           f"{reports[-1].get('machine_bytes_received', 0) / 1e6:10.1f} MB "
                           f"{max([r['peak_resident_bytes'] for r in rows[1:]], default=0) / 1e6:12.0f} MB", flush=True)
+                    if a.by_machine and not rows:
+                        print(f"     {reports[-1]['page_loads']} loads; {used:.1f} s of processors")
+                    for r in rows if a.by_machine else []:
+                        print(f"     machine {r['machine']}: {r['tile_samples']} tile samples in {r['tracing_seconds']:.1f} s "
+                              f"(waiting {r['waiting_thread_seconds']:.1f}, unpacking {r['unpacking_thread_seconds']:.1f}), "
+                              f"{r['page_loads']} loads; {r['photons']} photons, {r['photon_seconds']:.1f} s; "
+                              f"reading threads {r['reading_thread_seconds']:.1f}; {r['processor_seconds']:.1f} s of processors", flush=True)
                 machines.remove()
     finally:
         if machines:

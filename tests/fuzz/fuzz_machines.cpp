@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "src/machines/messages.h"
+#include "src/machines/photon_parts.h"
 #include "src/machines/sample_bytes.h"
 #include "tests/fuzz/fuzz.h"
 
@@ -31,6 +32,22 @@ void readSamples(const Result& result, std::uint32_t contents, std::size_t count
   require(packSamples(samples, contents) == result.samples);
 }
 
+/// What passes the check is of the range, and joins a batch of it once.
+template <class M>
+void readPhotons(const M& some) {
+  checkPhotons(some.photons, some.first, some.end);
+  PhotonParts parts({.first = some.first, .end = some.end});
+  if (some.first >= some.end) return;
+  require(parts.add(some.first, some.end, some.photons) && parts.whole());
+  require(!parts.add(some.first, some.end, some.photons));
+  const trex::ShotPhotons all = parts.joined();
+  require(all.records.size() == some.photons.records.size());
+  for (const trex::shaderio::PhotonRecord& r : all.records) {
+    const std::uint64_t number = r.index & (trex::shaderio::kPhotonNumbers - 1);
+    require(number >= some.first && number < some.end);
+  }
+}
+
 void read(ByteView message, std::uint32_t contents, std::size_t count) {
   ByteView body;
   switch (openMessage(message, body)) {
@@ -48,6 +65,21 @@ void read(ByteView message, std::uint32_t contents, std::size_t count) {
       break;
     case Kind::kFetch:
       readAndWrite<Fetch>(message, body);
+      break;
+    case Kind::kAtPhotons:
+      readAndWrite<AtPhotons>(message, body);
+      break;
+    case Kind::kShot:
+      readPhotons(readAndWrite<Shot>(message, body));
+      break;
+    case Kind::kShoot:
+      readAndWrite<ShootPhotons>(message, body);
+      break;
+    case Kind::kPhotons:
+      readPhotons(readAndWrite<Photons>(message, body));
+      break;
+    case Kind::kAlone:
+      readAndWrite<ShootAlone>(message, body);
       break;
     case Kind::kFailed:
       readAndWrite<Failed>(message, body);

@@ -41,8 +41,17 @@ int main(int argc, char** argv) {
   write("light", LightComes{1, 4096});
   write("pass", Pass{1, 2, 4096, kPairs | kRays, {0.25, 0.5, 1.0}});
   write("job", GiveJob{2, 3, 64, 72});
-  write("fetch", Fetch{0, 4096, 1, 65536});
+  write("fetch", Fetch{1, {{65536, 0, 4096}, {131072, 0, 512}}});
   write("part", Part{1, Bytes(40, std::byte{3})});
+  trex::ShotPhotons photons;
+  photons.records = {{glm::vec3(1.0f), 7, glm::vec3(2.0f), 300},
+                     {glm::vec3(3.0f), 8, glm::vec3(0.5f), 301}};
+  photons.lessons = {{glm::vec4(0.5f), 1.0f, 2.0f, 0}};
+  write("at_photons", AtPhotons{1, 256, 512});
+  write("shoot", ShootPhotons{1, 2, 256, 256, 512});
+  write("shot", Shot{1, 2, 256, 256, 512, 0.5, photons});
+  write("photons", Photons{1, 0, 256, 256, 512, 0.0, photons});
+  write("alone", ShootAlone{1, 256});
   write("failed", Failed{4, "no memory"});
   write("stop", Stop{});
   std::vector<trex::TakenSample> samples(5);

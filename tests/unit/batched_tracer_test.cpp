@@ -283,6 +283,34 @@ TEST(BatchedTracer, ASlowDiskIsReadAhead) {
   }
 }
 
+/// Where each question takes long, of the other end of a link, several pages are asked for at once,
+/// and no more than that.
+TEST(BatchedTracer, SeveralPagesAQuestion) {
+  const Paged all = paged(plain(), 10'000);
+  const Paged some = paged(plain(), 5, false, false, nullptr, 0.001, 4);
+  const auto& pages = dynamic_cast<const hccm::test::TestPages&>(some.cache().file());
+  std::vector<PathSample> samples[2];
+  for (const Paged* model : {&all, &some}) {
+    const LightSet lights(model->scene, *model->rays);
+    const CameraRays camera(model->scene.cameras.front(), dvec3(0.0), kSide, kSide);
+    const PathTracer tracer(model->scene, *model->rays, lights, camera, GuessOptions{}, 5);
+    LoadChoice choice(model->mesh().table());
+    BatchedTracer batched(tracer, *model->rays, choice);
+    const std::vector<PathJob> asked = jobs();
+    auto& out = samples[model == &some];
+    out.resize(asked.size());
+    std::vector<RayCounts> counts(asked.size());
+    Cones cones;
+    tbb::task_arena(2).execute([&] { batched.trace(asked, kSide, out, counts, cones); });
+  }
+  EXPECT_GT(pages.most, 1u);
+  EXPECT_LE(pages.most, 4u);
+  for (std::size_t i = 0; i < samples[0].size(); ++i) {
+    ASSERT_EQ(samples[0][i].common + samples[0][i].guess,
+              samples[1][i].common + samples[1][i].guess);
+  }
+}
+
 /// Both what was planned and what was done are told.
 TEST(BatchedTracer, RecordsWhatHappened) {
   const Paged model = paged(plain(), 3);

@@ -51,6 +51,27 @@ TEST(Jobs, LargeOnesAreAlikeAndFew) {
   EXPECT_EQ(ledger.deal(2, 0.0)->units(), 200u);
 }
 
+TEST(Jobs, ALargeOneThatIsLostIsPartedAmongWhoIsLeft) {
+  JobLedger ledger = ledgerOf(4);
+  ledger.start(0, 400, {.large = 200, .atOnce = 1});
+  std::vector<Job> first;
+  for (std::uint32_t m = 0; m < 4; ++m) first.push_back(*ledger.deal(m, 0.0));
+  ledger.lose(2);
+  std::uint64_t next = first[2].first;
+  for (const std::uint32_t m : {3u, 1u, 0u}) {
+    ASSERT_TRUE(ledger.bring(m, first[m].id, 1.0));
+    const auto part = ledger.deal(m, 1.0);
+    ASSERT_TRUE(part);
+    EXPECT_EQ(part->first, next);
+    EXPECT_NEAR(static_cast<double>(part->units()), 100.0 / 3.0, 1.0);
+    next = part->end;
+    EXPECT_TRUE(ledger.bring(m, part->id, 1.0));
+  }
+  EXPECT_EQ(next, first[2].end);
+  EXPECT_FALSE(ledger.bring(2, first[2].id, 9.0));  // too late: others have traced its parts
+  EXPECT_TRUE(ledger.done());
+}
+
 TEST(Jobs, WholeSamplesEndWhereSamplesEnd) {
   JobLedger ledger = ledgerOf(2);
   ledger.start(5, 100, {.most = 64, .together = 12});
@@ -130,7 +151,11 @@ TEST(Jobs, EveryUnitIsBroughtOnceWhateverHappens) {
     JobLedger ledger = ledgerOf(machines);
     const std::uint64_t first = random() % 50, end = first + 1 + random() % 700;
     ledger.start(first, end,
-                 {.most = 16, .window = 64, .together = seed % 3 == 0 ? 8u : 1u, .atOnce = 2});
+                 {.most = 16,
+                  .large = seed % 5 == 0 ? 40u : 1u,
+                  .window = 64,
+                  .together = seed % 3 == 0 ? 8u : 1u,
+                  .atOnce = 2});
     std::vector<std::vector<Job>> held(machines);
     std::vector<int> brought(end, 0);
     std::uint64_t merged = first;

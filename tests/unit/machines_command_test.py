@@ -124,6 +124,21 @@ class Machines(ProgramTest):
 
     # ---- the central scene database ----
 
+    def test_photons_that_wait_for_pages_are_shared(self):
+        if not has_mpi():
+            self.skipTest("no mpirun, or a build without MPI")
+        bundle = self.path("b.trex")
+        self.trex("bake", "synth:assembly?triangles=2e5&seed=3", "-o", bundle, "--stream")
+        job = ["--size", "64x48", "--spp", 4, "--exact", 0.25, "--denoise", "off"]
+        self.alone("-o", self.path("alone.exr"), *job, model=bundle)
+        few = json.loads(self.trex("info", bundle, "--json"))["mesh_pages"]["largest_page_bytes"] + 8192
+        for db in ("local", "central"):
+            p = self.together(3, "-o", self.path("a.exr"), *job, "--cache", few, "--json", "--scene-db", db, model=bundle)
+            self.assertEqual(self.read("a.exr"), self.read("alone.exr"))
+            report = json.loads(p.stdout)
+            self.assertEqual(sum(m["photons"] for m in report["machines"]), report["photons"])
+            self.assertGreater(sum(m["photons"] for m in report["machines"][1:]), 0)
+
     def two_folders(self, names):
         """One with copies of these files, and an empty one."""
         full, empty = self.path("full"), self.path("empty")
@@ -204,6 +219,50 @@ class Machines(ProgramTest):
         self.together(2, "-o", out, *job, *more, "--checkpoint", state, "--resume", says="going on after")
         self.alone("-o", self.path("whole.exr"), *job, *more)
         self.assertEqual(self.read("a.exr"), self.read("whole.exr"))
+
+    # ---- with Open MPI 5 ----
+
+    def start5(self, processes, *arguments):
+        """By the Open MPI 5 of scripts/openmpi5, which lets others outlive a process."""
+        folder = os.environ.get("TREX_OPENMPI5")
+        if not has_mpi() or not folder:
+            self.skipTest("TREX_OPENMPI5 is not the folder that scripts/openmpi5 has made")
+        mpirun = os.path.join(folder, "bin", "mpirun")
+        libraries = os.path.join(folder, "lib")
+        command = [mpirun, "--with-ft", "ulfm", "--allow-run-as-root", "--bind-to", "none", "--map-by", ":OVERSUBSCRIBE", "-n",
+                   str(processes), program._trex, "render", self.cornell, "--device", "none", "--threads", "1"]
+        p = subprocess.Popen([*command, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                             env={**self.environment, "LD_LIBRARY_PATH": libraries})
+        self.addCleanup(self.end, p)
+        return p
+
+    def test_others_outlive_a_killed_process(self):
+        for killed, options in ((2, ["--exact", 0.25, "--spp", 400]), (1, ["--exact", 1, "--spp", 1000])):
+            with self.subTest(killed=killed):
+                out, state = self.path("a.exr"), self.path("state")
+                job = ["--size", "64x64", *options]
+                p = self.start5(4, "-o", out, *job, "--json", "--checkpoint", state, "--checkpoint-seconds", 0.2)
+                self.wait_for(state, p)
+                time.sleep(0.3)
+                os.kill(self.ranks(p)[killed], signal.SIGKILL)
+                stdout, said = p.communicate(timeout=100)
+                self.assertEqual(p.returncode, 0, said)
+                self.assertIn(f"machine {killed}", said)
+                self.assertIn("has ended", said)
+                self.assertEqual(len(json.loads(stdout)["machines"]), 4)
+                self.alone("-o", self.path("whole.exr"), *job)
+                self.assertEqual(self.read("a.exr"), self.read("whole.exr"))
+                os.remove(state)
+
+    def test_open_mpi_5_ends_as_4_does_where_nobody_dies(self):
+        p = self.start5(3, "-o", self.path("a.exr"), "--size", "32x32", "--spp", 20, "--exact", 0.5)
+        said = p.communicate(timeout=100)[1]
+        self.assertEqual(p.returncode, 0, said)
+        self.assertNotIn("has ended", said)
+        self.alone("-o", self.path("whole.exr"), "--size", "32x32", "--spp", 20, "--exact", 0.5)
+        self.assertEqual(self.read("a.exr"), self.read("whole.exr"))
+
+    # ---- a process that hangs ----
 
     def test_a_stopped_process_loses_its_jobs_to_others(self):
         out, state = self.path("a.exr"), self.path("state")

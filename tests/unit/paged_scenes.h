@@ -47,14 +47,16 @@ inline std::uint64_t leastBytes(const hccm::PageTable& table) {
 }
 
 /// `pages`: that may be there. `failing`: one that can't be read. `change`, may be null: adds to
-/// the scene. `readSeconds`: that each read takes.
+/// the scene. `readSeconds`: that each read takes. `atOnce`: pages that are to be asked for at
+/// once.
 inline Paged paged(const std::vector<Material>& materials, std::uint64_t pages, bool smooth = false,
-                   bool failing = false, void (*change)(Scene&) = nullptr,
-                   double readSeconds = 0.0) {
+                   bool failing = false, void (*change)(Scene&) = nullptr, double readSeconds = 0.0,
+                   unsigned atOnce = 1) {
   static const hccm::test::Soup soups[] = {sheets(false), sheets(true)};
   hccm::test::Streamed streamed =
       hccm::test::stream(soups[smooth], static_cast<std::uint32_t>(materials.size()));
   streamed.pages->readSeconds = readSeconds;
+  streamed.pages->atOnce = atOnce;
   if (failing)
     streamed.pages->failAt = streamed.table.pages[streamed.table.pages.size() / 2].offset;
   Paged out;

@@ -94,7 +94,9 @@ Shot shoot(const Scene& scene, bool guided, std::uint32_t seed = 0) {
     if (!guided) shot.guides = lights.guides();
     const auto batch =
         landPhotons(scene, walks, lights, seed, i * kBatch, kBatch, false, shot.guides).value();
-    shot.wanted += learn(batch, importance, shot.guides);
+    const auto lessons = lessonsOf(batch, importance, shot.guides);
+    learn(lessons, shot.guides);
+    shot.wanted += lessons.size();
     shot.landed.insert(shot.landed.end(), batch.begin(), batch.end());
     for (const LandedPhoton& p : batch) {
       EXPECT_LE(maxComponent(p.power), lights.largestPhotonPower() * 1.0001f);

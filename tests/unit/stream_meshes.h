@@ -66,6 +66,8 @@ class TestPages : public PageFile {
   mutable std::atomic<std::uint64_t> reads{0};
   std::uint64_t failAt = ~std::uint64_t{0};  ///< offset that can't be read
   double readSeconds = 0.0;                  ///< that each read takes
+  unsigned atOnce = 1;                       ///< parts that are to be asked for at once
+  mutable std::atomic<std::size_t> most{0};  ///< that were
   void read(std::uint64_t offset, std::span<std::byte> out) const override {
     ++reads;
     if (readSeconds > 0.0) std::this_thread::sleep_for(std::chrono::duration<double>(readSeconds));
@@ -73,6 +75,11 @@ class TestPages : public PageFile {
     if (offset + out.size() > bytes.size()) throw std::runtime_error("read beyond the end");
     std::copy_n(bytes.begin() + static_cast<std::ptrdiff_t>(offset), out.size(), out.begin());
   }
+  void readAll(std::span<const FilePart> parts) const override {
+    if (parts.size() > most) most = parts.size();
+    PageFile::readAll(parts);
+  }
+  unsigned partsAtOnce() const override { return atOnce; }
   void readAhead(std::uint64_t, std::uint64_t) const override {}
   std::string place(std::uint64_t offset) const override {
     return "pages.bin, byte " + std::to_string(offset);

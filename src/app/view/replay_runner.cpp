@@ -1,12 +1,12 @@
 #include "src/app/view/replay_runner.h"
 
 #include <fmt/format.h>
-#include <sys/resource.h>
 
 #include <algorithm>
 #include <cmath>
 
 #include "src/command/interrupt.h"
+#include "src/core/clock.h"
 #include "src/core/error.h"
 #include "src/frame/flip.h"
 #include "src/frame/image_file.h"
@@ -28,15 +28,6 @@ ColorImage linear(const ScreenImage& screen, const std::vector<std::uint8_t>& rg
                               decodeSrgb8(rgba[i + 2]));
   }
   return image;
-}
-
-double cpuSeconds() {
-  rusage used{};
-  getrusage(RUSAGE_SELF, &used);
-  const auto seconds = [](const timeval& t) {
-    return static_cast<double>(t.tv_sec) + 1e-6 * static_cast<double>(t.tv_usec);
-  };
-  return seconds(used.ru_utime) + seconds(used.ru_stime);
 }
 
 double shareWithin(const std::vector<double>& seconds, double limit) {
@@ -263,9 +254,9 @@ void ReplayRunner::await(ReplayWait wait) {
 
 void ReplayRunner::measureIdle(double seconds) {
   await(ReplayWait::kIdle);
-  const double start = now(), used = cpuSeconds();
+  const double start = now(), used = processorSeconds();
   turnUntil("the idle seconds", [&](const Turn&) { return now() - start >= seconds; });
-  entry_["idle_core_share"] = (cpuSeconds() - used) / (now() - start);
+  entry_["idle_core_share"] = (processorSeconds() - used) / (now() - start);
 }
 
 void ReplayRunner::save(const ReplayStep& s) {

@@ -16,9 +16,16 @@ struct MpiFunctions {
   const char* (*sent)(void* request, bool& done);
   /// Whether a message is there; receive() takes it.
   const char* (*look)(bool& found, int& from, std::uint64_t& size);
-  const char* (*receive)(void* to);
-  /// Waits for all others.
-  const char* (*finish)();
+  /// `whole`: false if its sender has died.
+  const char* (*receive)(void* to, bool& whole);
+  /// Another process that has died since the job began, each once; -1: none. Only where the others
+  /// outlive it (survives()); messages to it go nowhere.
+  int (*lost)();
+  /// Whether the job goes on without a process that dies: Open MPI 5 with --with-ft ulfm.
+  bool (*survives)();
+  /// Waits for all others that live. `unclean`: some did not, so that MPI can't be ended as it
+  /// should, and the process had better end at once.
+  const char* (*finish)(bool& unclean);
   /// Ends all processes of the job, with this code; does not return.
   void (*abort)(int code);
 };
