@@ -50,7 +50,7 @@ struct Waiting {
     const std::optional<std::uint32_t> chosen = choice.next();
     if (!chosen) return 0;
     page = *chosen;
-    choice.read(page, 1e-5);
+    choice.read(choice.bytesOf(page), 1e-5);
     choice.loaded(page, 1e-4);
     std::vector<std::uint32_t> rays;
     queues.take(page, rays);
