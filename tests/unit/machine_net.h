@@ -2,6 +2,8 @@
 // carries what they say, in any order and some of it twice.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <atomic>
 #include <deque>
 #include <map>
@@ -180,5 +182,23 @@ class Group {
 };
 
 inline const std::function<bool()> kGoOn = [] { return true; };
+
+/// A picture that is stopped after every `steps` questions has the bits of one machine's.
+inline void expectSameAfterStops(Net& net, const std::shared_ptr<const Model>& model,
+                                 const RenderSettings& s, int steps) {
+  setLogLevel(LogLevel::kQuiet);
+  const auto whole = sessionOf(model, s);
+  whole->run();
+  Group group(net, model, s);
+  group.leader().waitForModels(kGoOn);
+  group.leader().beginView(0);
+  const auto shared = sessionOf(model, s);
+  shared->shareSamples(&group.leader());
+  while (!shared->goalReached()) {
+    int left = steps;
+    shared->run([&] { return left-- > 0; });
+  }
+  EXPECT_EQ(shared->picture().values, whole->picture().values);
+}
 
 }  // namespace trex::machines::test_net

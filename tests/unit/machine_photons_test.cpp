@@ -89,21 +89,8 @@ TEST(MachinePhotons, OfOneThatDoesNotAnswerAreShotAgain) {
 }
 
 TEST(MachinePhotons, StoppingAndGoingOnChangesNoBit) {
-  setLogLevel(LogLevel::kQuiet);
-  const RenderSettings s = manyPhotons();
-  const auto whole = sessionOf(skylight(), s);
-  whole->run();
   Net net(3, 22);
-  Group group(net, skylight(), s);
-  group.leader().waitForModels(kGoOn);
-  group.leader().beginView(0);
-  const auto shared = sessionOf(skylight(), s);
-  shared->shareSamples(&group.leader());
-  while (!shared->goalReached()) {
-    int left = 2;
-    shared->run([&] { return left-- > 0; });
-  }
-  EXPECT_EQ(shared->picture().values, whole->picture().values);
+  expectSameAfterStops(net, skylight(), manyPhotons(), 2);
 }
 
 // ---- what they say ----

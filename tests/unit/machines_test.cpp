@@ -44,21 +44,8 @@ TEST(Machines, MakeTheSamePictureInAnyOrder) {
 }
 
 TEST(Machines, StoppingAndGoingOnChangesNoBit) {
-  setLogLevel(LogLevel::kQuiet);
-  const RenderSettings s = settings(0.5, 8);
-  const auto whole = sessionOf(roomModel(), s);
-  whole->run();
   Net net(3, 5);
-  Group group(net, roomModel(), s);
-  group.leader().waitForModels(kGoOn);
-  group.leader().beginView(0);
-  const auto shared = sessionOf(roomModel(), s);
-  shared->shareSamples(&group.leader());
-  while (!shared->goalReached()) {
-    int left = 3;
-    shared->run([&] { return left-- > 0; });
-  }
-  EXPECT_EQ(shared->picture().values, whole->picture().values);
+  expectSameAfterStops(net, roomModel(), settings(0.5, 8), 3);
 }
 
 TEST(Machines, ASecondViewHasItsOwnPicture) {
