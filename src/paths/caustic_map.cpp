@@ -37,8 +37,8 @@ struct Spot {
 };
 
 /// A probe looks along the normal at a random point of a photon's disk: what its kernel brings
-/// there to surfaces that take it, over what it would bring to a plane. Nothing beyond an edge, nor
-/// on a tube of metal that lies in the disk.
+/// there to the surface that it sees, over what it would bring to a plane. Nothing beyond an edge,
+/// nor on a tube of metal that lies in the disk, nor where alpha lets it through.
 ///
 /// First probes halve a disk until one finds something. Then the gain is 1 over the share s of the
 /// kernel that finds surfaces. Of n points in it and one more that does, n + 1 over those that do
@@ -75,7 +75,7 @@ struct Probes {
  private:
   void look(Probe& walk, Sampler& sampler) const;
   bool near(const Probe& walk, const Surface& surface) const;
-  float brings(const Probe& walk, const Surface& surface) const;
+  float brings(const Probe& walk, Sampler& sampler, const Surface& surface) const;
   bool goesOn(Probe& walk, float brings) const;
 };
 
@@ -115,7 +115,7 @@ bool Probes::advance(Probe& walk, Sampler& sampler, const WalkEnd& end,
     walk.end -= end.distance;
     if (++walk.layers < kLayers) return true;
   } else if (end.met()) {
-    brought = brings(walk, end.surface);
+    brought = brings(walk, sampler, end.surface);
   }
   if (!goesOn(walk, brought)) return false;
   look(walk, sampler);
@@ -130,7 +130,7 @@ bool Probes::near(const Probe& walk, const Surface& surface) const {
 }
 
 /// What the kernel brings to that surface: nothing where photons of its light would not land.
-float Probes::brings(const Probe& walk, const Surface& surface) const {
+float Probes::brings(const Probe& walk, Sampler& sampler, const Surface& surface) const {
   const CausticPhoton& photon = photons[walk.number];
   const vec3 point(surface.position), off = point - photon.position;
   const vec3& normal = surface.geometricNormal;
@@ -138,8 +138,11 @@ float Probes::brings(const Probe& walk, const Surface& surface) const {
   if (glm::dot(normal, walk.direction) * glm::dot(normal, photon.towards) >= 0.0f) return 0.0f;
   const Bsdf bsdf(scene, surface, -walk.direction);
   if (bsdf.unlit() || !landsOn(bsdf, photon.blurred)) return 0.0f;
+  // A narrower disk would be let through as often.
+  const float coverage = walk.asks == Probe::Asks::kNarrower ? 1.0f : bsdf.coverage();
+  if (coverage < 1.0f && sampler.next1D() >= coverage) return 0.0f;
   const float cosine = std::abs(glm::dot(normal, photon.normal));
-  return bsdf.coverage() * kernel(glm::dot(off, off), walk.radius) /
+  return kernel(glm::dot(off, off), walk.radius) /
          (kernel(walk.away * walk.away, walk.radius) * cosine);
 }
 

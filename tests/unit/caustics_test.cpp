@@ -359,6 +359,20 @@ TEST(Caustics, DisksKeepTheirLightOnWhatIsSeen) {
   EXPECT_NEAR(taken(scene, points, false) * 0.16, 1.0, 0.03);
 }
 
+/// Photons land on what alpha leaves of a sheet, and so tell its part of the light that comes: the
+/// sheet's own shading takes its part again.
+TEST(Caustics, DisksKnowOfAlpha) {
+  for (const float alpha : {0.5f, 0.1f}) {
+    Scene scene;
+    scene.materials = {test::lambert(1.0f)};
+    scene.materials[0].baseColor.a = alpha;
+    scene.materials[0].alphaMode = AlphaMode::kBlend;
+    test::place(scene, test::sheet(0.2f, 0.0f, 0));
+    const auto points = [](vec2 u) { return vec3(0.4f * u.x - 0.2f, 0.0f, 0.4f * u.y - 0.2f); };
+    EXPECT_NEAR(taken(scene, points, false) * 0.16 * double(alpha), 1.0, 0.03) << alpha;
+  }
+}
+
 TEST(Caustics, MapsDependOnNothingButTheirNumber) {
   Scene scene = floorFrom(0.3f, 0.0f, 1.0f);
   scene.materials.push_back(test::glass(true));
