@@ -1,6 +1,7 @@
 #include "src/core/memory.h"
 
 #include <fmt/format.h>
+#include <sys/mman.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
@@ -30,6 +31,14 @@ std::uint64_t availableMemoryLimit() {
     if (std::ifstream(path) >> value && value > 0) limit = std::min(limit, value);
   }
   return limit;
+}
+
+void wantLargePages(void* at, std::size_t bytes) {
+  constexpr std::uintptr_t kPage = std::uintptr_t{2} << 20;
+  const auto start = reinterpret_cast<std::uintptr_t>(at);
+  const std::uintptr_t first = (start + kPage - 1) / kPage * kPage,
+                       last = (start + bytes) / kPage * kPage;
+  if (last > first) (void)::madvise(reinterpret_cast<void*>(first), last - first, MADV_HUGEPAGE);
 }
 
 std::string formatBytes(std::uint64_t bytes) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "src/core/maths.h"
+#include "src/core/memory.h"
 #include "src/frame/estimator.h"
 
 namespace trex {
@@ -77,8 +78,8 @@ class Accumulator {
   void dropNonFinite(const NonFiniteSample& sample);
 
   std::uint32_t width_, height_;
-  std::vector<Moments> guess_;
-  std::vector<DifferenceMoments> difference_;
+  LargeVector<Moments> guess_;
+  LargeVector<DifferenceMoments> difference_;
   std::atomic<std::uint64_t> nonFiniteCount_{0};
   mutable std::mutex mutex_;
   std::vector<NonFiniteSample> nonFinite_;

@@ -9,6 +9,7 @@
 #include <optional>
 #include <utility>
 
+#include "src/core/memory.h"
 #include "src/core/threads.h"
 #include "src/frame/denoise_fragments.h"
 #include "src/frame/denoise_kernels.h"
@@ -129,8 +130,10 @@ void GuessFilter::Work::allocate(const FeatureImage& features) {
   planes_.height = static_cast<int>(features.height());
   planes_.stride = FilterPlanes::strideOf(features.width());
   const std::size_t plane = planes_.stride * features.height();
-  memory_ = hwy::AllocateAligned<float>(plane * (kFilterPlanes + (correction_ ? 0 : kLostPlanes)));
+  const std::size_t floats = plane * (kFilterPlanes + (correction_ ? 0 : kLostPlanes));
+  memory_ = hwy::AllocateAligned<float>(floats);
   if (!memory_) throw std::bad_alloc();
+  wantLargePages(memory_.get(), floats * sizeof(float));
   planes_.guides = memory_.get();
   planes_.cells = planes_.guides + plane * kGuidePlanes;
   planes_.written = planes_.cells + plane * kCellPlanes;

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "src/core/maths.h"
+#include "src/core/memory.h"
 
 namespace trex {
 
@@ -181,7 +182,7 @@ class FeatureImage {
   std::size_t index(std::uint32_t x, std::uint32_t y) const { return std::size_t{y} * width_ + x; }
 
   std::uint32_t width_, height_;
-  std::vector<Pixel> pixels_;
+  LargeVector<Pixel> pixels_;
 };
 
 }  // namespace trex

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "src/core/maths.h"
+#include "src/core/memory.h"
 #include "src/frame/features.h"
 
 namespace trex {
@@ -74,7 +75,7 @@ class DirectImage {
     double count = 0.0, pairs = 0.0;
   };
   std::uint32_t width_;
-  std::vector<Pixel> pixels_;
+  LargeVector<Pixel> pixels_;
 };
 
 /// Share of each pixel that something covers.
@@ -100,7 +101,7 @@ class CoverageImage {
     double sum = 0.0, count = 0.0;
   };
   std::uint32_t width_;
-  std::vector<Pixel> pixels_;
+  LargeVector<Pixel> pixels_;
 };
 
 /// The first surface of each pixel: its mean depth, and the numbers that the first sample met.
@@ -132,7 +133,7 @@ class FirstHitImage {
     float count = 0.0f;
   };
   std::uint32_t width_;
-  std::vector<Pixel> pixels_;
+  LargeVector<Pixel> pixels_;
 };
 
 /// Rays that the samples of each pixel took, by class.
@@ -152,7 +153,7 @@ class RayClassImage {
 
  private:
   std::uint32_t width_;
-  std::vector<vec2> pixels_;
+  LargeVector<vec2> pixels_;
 };
 
 }  // namespace trex

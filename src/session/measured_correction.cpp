@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "src/session/rows.h"
+
 namespace trex {
 namespace {
 
@@ -16,16 +18,21 @@ std::size_t unseenBy(std::uint32_t x, std::uint32_t y) { return 1u - ((x + y) & 
 /// Mean square of all differences: what the noise of one counts as at least. A rare bright path
 /// makes both mean and variance of its pixel large; a pixel that has met none knows too little.
 dvec3 pooledSquare(const Accumulator& sums) {
-  dvec3 squares(0.0);
-  double count = 0.0;
-  for (std::uint32_t y = 0; y < sums.height(); ++y) {
+  struct Squares {
+    dvec3 squares{0.0};
+    double count = 0.0;
+    void add(const Squares& o) {
+      squares += o.squares;
+      count += o.count;
+    }
+  };
+  const auto all = sumOfRows<Squares>(sums.height(), [&](std::uint32_t y, Squares& row) {
     for (std::uint32_t x = 0; x < sums.width(); ++x) {
       const Moments d = sums.difference(x, y);
-      squares += d.squares();
-      count += static_cast<double>(d.count());
+      row.add({d.squares(), static_cast<double>(d.count())});
     }
-  }
-  return squares / std::max(count, 1.0);
+  });
+  return all.squares / std::max(all.count, 1.0);
 }
 
 }  // namespace
@@ -35,9 +42,9 @@ std::vector<vec3> relativeWeights(const std::vector<vec3>& picture) {
   for (const vec3& v : picture) sum += static_cast<double>(v.x + v.y + v.z);
   const auto mean = static_cast<float>(sum / (3.0 * static_cast<double>(picture.size())));
   std::vector<vec3> out(picture.size());
-  for (std::size_t i = 0; i < out.size(); ++i) {
+  tbb::parallel_for(std::size_t{0}, out.size(), [&](std::size_t i) {
     out[i] = 1.0f / (picture[i] * picture[i] + kFaint * mean * mean + 1e-30f);
-  }
+  });
   return out;
 }
 
@@ -75,7 +82,9 @@ NoisyPixels exactDifferences(const FrameBuffers& frame) {
   out.mean.resize(std::size_t{sums.width()} * sums.height());
   out.variance.resize(out.mean.size());
   const dvec3 pooled = pooledSquare(sums);
-  for (const Tile& area : frame.tiles.tiles()) {
+  const std::vector<Tile>& tiles = frame.tiles.tiles();
+  tbb::parallel_for(std::size_t{0}, tiles.size(), [&](std::size_t t) {
+    const Tile& area = tiles[t];
     std::uint64_t all = 0, fewest = ~std::uint64_t{0};
     const auto each = [&](const auto& visit) {
       for (std::uint32_t y = area.y; y < area.y + area.height; ++y) {
@@ -86,7 +95,7 @@ NoisyPixels exactDifferences(const FrameBuffers& frame) {
       all += sums.pairs(x, y);
       fewest = std::min(fewest, sums.pairs(x, y));
     });
-    if (all == 0) continue;
+    if (all == 0) return;
     const bool few = fewest < kPairsEnough;
     const double mean = static_cast<double>(all) / (double{1} * area.width * area.height);
     each([&](std::uint32_t x, std::uint32_t y) {
@@ -97,14 +106,14 @@ NoisyPixels exactDifferences(const FrameBuffers& frame) {
       out.mean[i] = vec3(d.mean() * (n / count));
       out.variance[i] = vec3(one / count);
     });
-  }
+  });
   return out;
 }
 
 /// The filter of the pixels of one half; the others are the mean of those around them.
 GuessFilter MeasuredCorrection::filterOf(std::uint32_t half) const {
   std::vector<vec3> difference = raw_, spread = variance_;
-  for (std::uint32_t y = 0; y < height_; ++y) {
+  eachRow(height_, [&](std::uint32_t y) {
     for (std::uint32_t x = 0; x < width_; ++x) {
       const std::size_t i = std::size_t{y} * width_ + x;
       if (((x + y) & 1u) != half) {
@@ -127,16 +136,16 @@ GuessFilter MeasuredCorrection::filterOf(std::uint32_t half) const {
       difference[i] /= scattering_[i];
       spread[i] /= scattering_[i] * scattering_[i];
     }
-  }
+  });
   return {*features_, difference, spread, true};
 }
 
 GuessFilter MeasuredCorrection::filterOfAll() const {
   std::vector<vec3> difference = raw_, spread = variance_;
-  for (std::size_t i = 0; i < raw_.size(); ++i) {
+  tbb::parallel_for(std::size_t{0}, raw_.size(), [&](std::size_t i) {
     difference[i] /= scattering_[i];
     spread[i] /= scattering_[i] * scattering_[i];
-  }
+  });
   return {*features_, difference, spread, true};
 }
 
@@ -145,11 +154,16 @@ bool MeasuredCorrection::advance(const std::function<bool()>& keepGoing) {
   for (std::uint32_t f = 0; f < 3; ++f) {
     std::vector<vec3>& result = *results[f];
     if (!result.empty()) continue;
-    if (!filter_) filter_.emplace(f < 2 ? filterOf(f) : filterOfAll());
+    if (!filter_) {
+      filter_.emplace(f < 2 ? filterOf(f) : filterOfAll());
+      if (!keepGoing()) return false;
+    }
     if (!filter_->advance(keepGoing)) return false;
     result = filter_->result();
     filter_.reset();
-    for (std::size_t i = 0; i < result.size(); ++i) result[i] *= scattering_[i];
+    tbb::parallel_for(std::size_t{0}, result.size(),
+                      [&](std::size_t i) { result[i] *= scattering_[i]; });
+    if (!keepGoing()) return false;
   }
   return true;
 }
@@ -157,14 +171,17 @@ bool MeasuredCorrection::advance(const std::function<bool()>& keepGoing) {
 CellWeights<MeasuredCorrection::Shared> MeasuredCorrection::measure(
     const std::vector<vec3>& weigh) const {
   CellWeights<Shared> weights(width_, height_);
-  for (std::uint32_t y = 0; y < height_; ++y) {
-    for (std::uint32_t x = 0; x < width_; ++x) {
-      const std::size_t i = std::size_t{y} * width_ + x;
-      const vec3 w = weigh[i], unseen = w * filtered_[unseenBy(x, y)][i];
-      weights.of(x, y).add({dotOf(unseen, raw_[i]), dotOf(unseen * unseen, variance_[i]),
-                            dotOf(unseen, filtered_[unseenBy(x, y)][i])});
+  const std::uint32_t cell = CellWeights<Shared>::kCell;
+  eachRow((height_ + cell - 1) / cell, [&](std::uint32_t cells) {
+    for (std::uint32_t y = cells * cell; y < std::min((cells + 1) * cell, height_); ++y) {
+      for (std::uint32_t x = 0; x < width_; ++x) {
+        const std::size_t i = std::size_t{y} * width_ + x;
+        const vec3 w = weigh[i], unseen = w * filtered_[unseenBy(x, y)][i];
+        weights.of(x, y).add({dotOf(unseen, raw_[i]), dotOf(unseen * unseen, variance_[i]),
+                              dotOf(unseen, filtered_[unseenBy(x, y)][i])});
+      }
     }
-  }
+  });
   weights.settle();
   return weights;
 }
@@ -172,49 +189,59 @@ CellWeights<MeasuredCorrection::Shared> MeasuredCorrection::measure(
 /// Sum of the squares of the guess's bias, even in blocks of some size: of the products of
 /// different pixels.
 BiasFigures MeasuredCorrection::biasOf(const std::vector<vec3>& weigh, std::uint32_t size) const {
-  double bias = 0.0, doubt = 0.0;
-  for (std::uint32_t top = 0; top < height_; top += size) {
-    for (std::uint32_t left = 0; left < width_; left += size) {
-      vec3 sum(0.0f), own(0.0f), noise(0.0f), w(0.0f);
-      float count = 0.0f;
-      for (std::uint32_t y = top; y < std::min(top + size, height_); ++y) {
-        for (std::uint32_t x = left; x < std::min(left + size, width_); ++x) {
-          const std::size_t i = std::size_t{y} * width_ + x;
-          sum += raw_[i];
-          own += raw_[i] * raw_[i];
-          noise += variance_[i];
-          w += weigh[i];
-          count += 1.0f;
-        }
-      }
-      if (count < 2.0f) continue;
-      const vec3 scale = w / (count * (count - 1.0f));  // of the mean weight, for all pixels
-      bias += dotOf(scale, sum * sum - own);
-      doubt += 2.0 * dotOf(scale * noise, scale * noise);
+  struct Products {
+    double bias = 0.0, doubt = 0.0;
+    void add(const Products& o) {
+      bias += o.bias;
+      doubt += o.doubt;
     }
-  }
-  return {bias, std::sqrt(doubt)};
+  };
+  const auto all =
+      sumOfRows<Products>((height_ + size - 1) / size, [&](std::uint32_t row, Products& products) {
+        const std::uint32_t top = row * size;
+        for (std::uint32_t left = 0; left < width_; left += size) {
+          vec3 sum(0.0f), own(0.0f), noise(0.0f), w(0.0f);
+          float count = 0.0f;
+          for (std::uint32_t y = top; y < std::min(top + size, height_); ++y) {
+            for (std::uint32_t x = left; x < std::min(left + size, width_); ++x) {
+              const std::size_t i = std::size_t{y} * width_ + x;
+              sum += raw_[i];
+              own += raw_[i] * raw_[i];
+              noise += variance_[i];
+              w += weigh[i];
+              count += 1.0f;
+            }
+          }
+          if (count < 2.0f) continue;
+          const vec3 scale = w / (count * (count - 1.0f));  // of the mean weight, for all pixels
+          products.add({dotOf(scale, sum * sum - own), 2.0 * dotOf(scale * noise, scale * noise)});
+        }
+      });
+  return {all.bias, std::sqrt(all.doubt)};
 }
 
 std::vector<vec3> MeasuredCorrection::take(const std::vector<vec3>& picture) {
   const std::vector<vec3> weigh = relativeWeights(picture);
   const CellWeights<Shared> weights = measure(weigh);
   std::vector<vec3> out(picture.size());
-  double captured = 0.0;
-  for (std::uint32_t y = 0; y < height_; ++y) {
+  struct Captured {
+    double sum = 0.0;
+    void add(const Captured& o) { sum += o.sum; }
+  };
+  const auto captured = sumOfRows<Captured>(height_, [&](std::uint32_t y, Captured& row) {
     for (std::uint32_t x = 0; x < width_; ++x) {
       const std::size_t i = std::size_t{y} * width_ + x;
       const float part = weights.at(x, y);
       out[i] = part * all_[i];
       // |b|^2 - |b - c|^2 of the bias b and the correction c.
-      captured += 2.0 * static_cast<double>(part) *
-                      dotOf(weigh[i] * filtered_[unseenBy(x, y)][i], raw_[i]) -
-                  dotOf(weigh[i] * out[i], out[i]);
+      row.sum += 2.0 * static_cast<double>(part) *
+                     dotOf(weigh[i] * filtered_[unseenBy(x, y)][i], raw_[i]) -
+                 dotOf(weigh[i] * out[i], out[i]);
     }
-  }
+  });
   // As much of it as stands out of its standard error.
   const BiasFigures coarse = biasOf(weigh, kBlockSides[0]), fine = biasOf(weigh, kBlockSides[1]);
-  const double rest = std::max(coarse.square - captured, 0.0);
+  const double rest = std::max(coarse.square - captured.sum, 0.0);
   const double detail = std::max(fine.square - coarse.square - fine.doubt, 0.0);
   errorLeft_ = rest > 0.0 ? rest * rest / (rest + coarse.doubt) + detail : detail;
   errorLeft_ /= 3.0 * static_cast<double>(picture.size());

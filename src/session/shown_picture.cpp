@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-#include "src/core/sampler.h"
 #include "src/frame/oidn.h"
+#include "src/session/rows.h"
 #include "src/session/unfiltered_pixels.h"
 
 namespace trex {
@@ -25,7 +25,7 @@ std::vector<vec3> collect(std::uint32_t width, std::uint32_t height, std::uint32
                           const Value& value) {
   const std::uint32_t columns = (width + step - 1) / step, rows = (height + step - 1) / step;
   std::vector<vec3> out(std::size_t{columns} * rows);
-  tbb::parallel_for(0u, rows, [&](std::uint32_t row) {
+  eachRow(rows, [&](std::uint32_t row) {
     for (std::uint32_t column = 0; column < columns; ++column) {
       out[std::size_t{row} * columns + column] = vec3(value(column * step, row * step));
     }
@@ -84,48 +84,13 @@ FeatureImage thinFeatures(const FeatureImage& all, std::uint32_t step, const Sou
   const std::uint32_t columns = (all.width() + step - 1) / step,
                       rows = (all.height() + step - 1) / step;
   FeatureImage out(columns, rows);
-  tbb::parallel_for(0u, rows, [&](std::uint32_t y) {
+  eachRow(rows, [&](std::uint32_t y) {
     for (std::uint32_t x = 0; x < columns; ++x) {
       const auto [px, py] = source(x * step, y * step);
       out.copy(x, y, all, px, py, static_cast<float>(step));
     }
   });
   return out;
-}
-
-/// What every step-th pixel of every step-th row shows most, with the light of all samples of the
-/// pixels that it stands for that show the same.
-FeatureImage thickFeatures(const FrameBuffers& frame, std::uint32_t step) {
-  const FeatureImage& all = *frame.features;
-  FeatureImage out((all.width() + step - 1) / step, (all.height() + step - 1) / step);
-  tbb::parallel_for(0u, out.height(), [&](std::uint32_t row) {
-    for (std::uint32_t column = 0; column < out.width(); ++column) {
-      FeaturePart sum = all.most(column * step, row * step);
-      sum.mean.footprint *= static_cast<float>(step);
-      for (std::uint32_t i = 0; i < step * step; ++i) {
-        const std::uint32_t x = column * step + i % step, y = row * step + i / step;
-        if (x >= all.width() || y >= all.height() || !frame.tiles.sampled(x, y)) continue;
-        if (i > 0) sum.join(all.most(x, y));
-        sum.join(all.rest(x, y));
-      }
-      out.put(column, row, sum);
-    }
-  });
-  return out;
-}
-
-/// Adds what is remembered of the light of a lattice's pixels.
-void remember(const LightMemory& memory, FeatureImage& lattice, std::uint32_t step) {
-  tbb::parallel_for(0u, lattice.height(), [&](std::uint32_t y) {
-    for (std::uint32_t x = 0; x < lattice.width(); ++x) {
-      FeaturePart part = lattice.most(x, y);
-      if (lattice.rest(x, y).count > 0.0f) continue;
-      part.mean.footprint /= static_cast<float>(step);
-      if (!memory.join(part, Sampler(y * lattice.width() + x, 0, 0x6d656d6fu).next2D())) continue;
-      part.mean.footprint *= static_cast<float>(step);
-      lattice.put(x, y, part);
-    }
-  });
 }
 
 /// Parts the light of a frame, which is `parts`, into indirect and direct light.
@@ -208,34 +173,40 @@ void ShownPicture::gather(const FrameBuffers& frame, std::uint32_t width, std::u
         collect(width, height, options.shown, [&](Pixel x, Pixel y) { return looks.light(x, y); });
     shown_ = options.shown;
     step_ = std::max(step, kLeastLattice);
-    thin_.emplace(thickFeatures(frame, step_));
-    if (frame.memory) remember(*frame.memory, *thin_, step_);
-    guess_.emplace(*thin_, frame.tiles.meanProgress() * step_ * step_ < kSamplesThatTell);
+    gathered_.emplace(frame, step_);
+    few_ = frame.tiles.meanProgress() * step_ * step_ < kSamplesThatTell;
     all_ = &looks;
   } else {
     picture_ = each(unfiltered);
   }
   if (!whole) {
-    if (thin_) return;
+    if (gathered_) return;
     FeatureImage lattice = thinFeatures(features, step, source);
-    if (frame.memory) remember(*frame.memory, lattice, step);
+    if (frame.memory) {
+      eachRow(lattice.height(), [&](std::uint32_t y) {
+        for (std::uint32_t x = 0; x < lattice.width(); ++x) {
+          joinMemory(*frame.memory, lattice, x, y, step);
+        }
+      });
+    }
     guess_.emplace(lattice, few);
     return;
   }
   if (isOidn(options.method)) {
     lit_ = denoiseFrame(frame, features, options.method);
-  } else if (!thin_) {
+  } else if (!gathered_) {
     guess_.emplace(features, few);
   }
   if (!options.pairs) return;
   addMissing(frame);
   if (meanPairs(frame) < kPairsThatTell) return;
-  for (Pixel y = 0; y < height; ++y) {
+  scattering_.resize(std::size_t{width} * height);
+  eachRow(height, [&](Pixel y) {
     for (Pixel x = 0; x < width; ++x) {
       const float share = features.scattering(x, y);
-      scattering_.push_back(share > 0.0f ? share : 1.0f);
+      scattering_[std::size_t{y} * width + x] = share > 0.0f ? share : 1.0f;
     }
-  }
+  });
   const bool tells = frame.tiles.samplesDone() >= kSamplesThatTellTheRest;
   correction_.emplace(features, exactDifferences(frame), scattering_);
   if (tells && !lit_.empty()) lost_.emplace(features, lostLight(frame, lit_), scattering_);
@@ -296,6 +267,13 @@ bool ShownPicture::addMeasured(MeasuredCorrection& correction,
 }
 
 bool ShownPicture::advance(const std::function<bool()>& keepGoing) {
+  if (gathered_) {
+    if (!gathered_->advance(keepGoing)) return false;
+    thin_.emplace(gathered_->take());
+    gathered_.reset();
+    guess_.emplace(*thin_, few_);
+    if (!keepGoing()) return false;
+  }
   if (guess_) {
     if (!guess_->advance(keepGoing)) return false;
     lit_ = guess_->result();

@@ -10,6 +10,7 @@
 #include "src/frame/lattice_light.h"
 #include "src/session/denoiser.h"
 #include "src/session/frame_buffers.h"
+#include "src/session/lattice_features.h"
 #include "src/session/measured_correction.h"
 
 namespace trex {
@@ -68,9 +69,11 @@ class ShownPicture {
   double biasLeft_ = -1.0;
   bool keepGuess_ = false;
   std::vector<vec3> guessLight_;
-  std::vector<float> scattering_;  ///< shares of the pixels that the correction is of
+  std::vector<float> scattering_;            ///< shares of the pixels that the correction is of
+  std::optional<LatticeFeatures> gathered_;  ///< of the lattice whose light is spread
+  bool few_ = false;                         ///< samples, of it
   std::optional<GuessFilter> guess_;
-  std::optional<FeatureImage> thin_;  ///< of the lattice whose light is spread
+  std::optional<FeatureImage> thin_;  ///< the lattice, once it is gathered
   std::optional<LatticeLight> spread_;
   const FeatureImage* all_ = nullptr;  ///< what spread_ is for
   std::uint32_t step_ = 1, shown_ = 1;

@@ -34,7 +34,7 @@ double progressOf(const FrameBuffers& frame) { return frame.tiles.meanProgress()
 }  // namespace
 
 void Screen::restart(bool hold) {
-  job_.reset();
+  dropJob();
   hold_ = hold;
   if (!hold) shown_ = false;
   spacing_ = 0;
@@ -44,11 +44,11 @@ void Screen::restart(bool hold) {
 }
 
 bool Screen::update(const Session& session, const Session* exact, const Look& look,
-                    const ViewState& state, const std::function<bool()>& keepGoing) {
+                    const ViewState& state, const std::function<double()>& left) {
   image_.width = session.frame().width();
   image_.height = session.frame().height();
   if (state.mode != painted_.mode || state.voxelLevel != painted_.voxelLevel) {
-    job_.reset();
+    dropJob();
     spacing_ = 0;
     progress_ = 0.0;
     inspectedCells_ = 0;
@@ -57,9 +57,9 @@ bool Screen::update(const Session& session, const Session* exact, const Look& lo
   }
   bool changed = false;
   if (state.mode == ViewMode::kBeauty) {
-    changed = beauty(session, keepGoing);
+    changed = beauty(session, left);
   } else if (state.mode == ViewMode::kVoxels || state.mode == ViewMode::kPhotons) {
-    changed = inspect(session, state, keepGoing);
+    changed = inspect(session, state, [&] { return left() > 0.0; });
   } else {
     changed = values(session, state);
   }
@@ -71,12 +71,19 @@ bool Screen::update(const Session& session, const Session* exact, const Look& lo
       painted_.splitAt != state.splitAt || painted_.selectedObject != state.selectedObject;
   if (linear_.size() != std::size_t{image_.width} * image_.height) return false;
   if (!changed && !exactNews && !restyled) return false;
+  const double before = left();
   paint(session, exact, look, state);
+  if (changed) finishSeconds_ += 0.25 * (finishing_ + before - left() - finishSeconds_);
   return true;
 }
 
 void Screen::prepare(const Session& session, const ViewState& state) {
   if (state.mode == ViewMode::kBeauty && painted_.mode == state.mode) start(session);
+}
+
+void Screen::dropJob() {
+  job_.reset();
+  ready_ = false;
 }
 
 /// Begins the next picture if none is under way and the frame has more to show.
@@ -109,21 +116,27 @@ void Screen::start(const Session& session) {
 }
 
 /// Filtered lattices while the first sample is on its way, then the whole frame again and again.
-bool Screen::beauty(const Session& session, const std::function<bool()>& keepGoing) {
+bool Screen::beauty(const Session& session, const std::function<double()>& left) {
   start(session);
   if (!job_) return false;
-  // The first picture of a change is finished in any case: it is small.
-  const bool first = !shown_;
-  if (!job_->advance([&] { return first || keepGoing(); })) return false;
+  if (!ready_) {
+    // The first picture of a change is finished in any case: it is small.
+    const bool first = !shown_;
+    if (!job_->advance([&] { return first || left() > 0.0; })) return false;
+    ready_ = true;
+    if (!first && left() < finishSeconds_) return false;
+  }
+  const double before = left();
   linear_ =
       stretch(job_->take(), session.frame().width(), session.frame().height(), jobSpacing_, false);
-  job_.reset();
+  dropJob();
   spacing_ = jobSpacing_;
   lattice_ = jobLattice_;
   spread_ = jobSpread_;
   progress_ = jobProgress_;
   shown_ = true;
   hold_ = false;
+  finishing_ = before - left();
   return true;
 }
 

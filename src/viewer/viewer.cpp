@@ -297,6 +297,7 @@ void Viewer::Impl::work(double deadline, StepReport& report) {
   const double left = deadline - secondsNow();
   // A first picture also ends a little early: the window must show it within the budget.
   const double reserve = fresh                ? std::min(screenSeconds * 1.3 + 0.006, 0.6 * left)
+                         : screen.ready()     ? std::min(screen.finishSeconds(), 0.7 * left)
                          : screen.filtering() ? 0.4 * left
                                               : std::min(0.004, 0.2 * left);
   const double half = state.split && exact && !fresh ? 0.5 * (deadline - secondsNow()) : 0.0;
@@ -312,8 +313,8 @@ void Viewer::Impl::work(double deadline, StepReport& report) {
     if (!fresh && done && done->kind == Work::Kind::kSamples) probe();
   }
   const double mark = secondsNow();
-  const auto going = [&] { return secondsNow() < deadline; };
-  report.newPicture = screen.update(*session, exact.get(), shownLook, state, going);
+  report.newPicture = screen.update(*session, exact.get(), shownLook, state,
+                                    [&] { return deadline - secondsNow(); });
   seenState = state;
   report.coarseComplete = fresh && screen.showsGeneration();
   if (report.newPicture) {
