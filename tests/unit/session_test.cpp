@@ -466,6 +466,43 @@ TEST(Session, CoarseFramesAreSharp) {
   EXPECT_LT(sharp, 0.1);
 }
 
+/// A picture that is made a slice at a time, as the window does, is that made in one go; and what
+/// is between two questions is small, so that no turn of the window waits for it.
+TEST(Session, PicturesAreMadeInSlices) {
+  RenderSettings s = settings(0.5, 4);
+  s.denoise = Denoise::kFilter;
+  s.width = 320;
+  s.height = 240;
+  s.interactive = true;
+  const auto viewed = session(s, {});
+  const auto check = [&](const ShownOptions& options, int least) {
+    const auto make = [&] {
+      return ShownPicture(viewed->shownFrame(), s.width, s.height, options);
+    };
+    ShownPicture whole = make(), sliced = make();
+    ASSERT_TRUE(whole.advance([] { return true; }));
+    int slices = 1;
+    while (!sliced.advance([] { return false; })) ++slices;
+    EXPECT_GE(slices, least);
+    EXPECT_EQ(whole.take(), sliced.take());
+  };
+  while (viewed->previewing() || viewed->shownFrame().tiles.lookSpacing() != 1) {
+    int turns = 0;
+    ASSERT_TRUE(viewed->step([&] { return viewed->previewing() && ++turns < 50; }, vec2(0.5f)));
+  }
+  ShownOptions spread = viewed->shownOptions();
+  spread.spacing = lattice::spacing(viewed->shownFrame().tiles.coarseCells());
+  ASSERT_GT(spread.spacing, 0u);
+  spread.spread = true;
+  const int gathered = 240 / 2 / (4096 / 160);  // slices of a lattice of every second pixel
+  check(spread, 2 * gathered);
+  while (!viewed->resting()) ASSERT_TRUE(viewed->step([] { return true; }, vec2(0.5f)));
+  const ShownOptions corrected = viewed->shownOptions();
+  ASSERT_TRUE(corrected.pairs);
+  const int filters = 3;
+  check(corrected, 4 * filters);
+}
+
 /// A turn of the camera keeps what was seen of light, an edit of light does not.
 TEST(Session, RemembersLightUntilItIsEdited) {
   RenderSettings s = settings(0.0, 64);
