@@ -46,14 +46,18 @@ Model makeMeshes(Scene scene, const ModelOptions& options) {
   return model;
 }
 
-std::shared_ptr<asvo::Tree> makeVoxels(const Scene& scene, const std::vector<Material>& materials,
-                                       const dvec3& renderOrigin, const ModelOptions& options) {
+asvo::BuildOptions voxelBuild(const ModelOptions& options) {
   asvo::BuildOptions build;
   build.depth = options.voxelDepth;
   build.maxBytes = options.voxelBytes;
   build.deepen = true;
+  return build;
+}
+
+std::shared_ptr<asvo::Tree> makeVoxels(const Scene& scene, const std::vector<Material>& materials,
+                                       const dvec3& renderOrigin, const ModelOptions& options) {
   const VoxelSource source(scene, materials, renderOrigin);
-  return std::make_shared<asvo::Tree>(asvo::Tree::build(source, build));
+  return std::make_shared<asvo::Tree>(asvo::Tree::build(source, voxelBuild(options)));
 }
 
 Model makeModel(Scene scene, const ModelOptions& options) {

@@ -41,6 +41,9 @@ struct ModelOptions {
   std::optional<std::uint64_t> bakedVoxels = {};
 };
 
+/// How voxels of such options are built: at opening, and anew after an edit.
+asvo::BuildOptions voxelBuild(const ModelOptions& options);
+
 /// Builds what the scene and the options require. Throws Error. Uses the calling oneTBB arena.
 Model makeModel(Scene scene, const ModelOptions& options);
 

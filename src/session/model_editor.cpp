@@ -63,10 +63,7 @@ ModelEditor::VoxelJob ModelEditor::voxelJob() const {
   const auto source = std::make_shared<const MeshVoxelSource>(*model_->rays, model_->scene,
                                                               materialsOf(shape), shape.visibility);
   return {std::move(shape), [source, options = options_] {
-            asvo::BuildOptions build;
-            build.depth = options.voxelDepth;
-            build.maxBytes = options.voxelBytes;
-            return std::make_shared<asvo::Tree>(asvo::Tree::build(*source, build));
+            return std::make_shared<asvo::Tree>(asvo::Tree::build(*source, voxelBuild(options)));
           }};
 }
 

@@ -24,6 +24,8 @@ def check(entry):
 
 
 def main():
+    if len(sys.argv) != 2:
+        sys.exit(__doc__)
     with open(os.path.join(sys.argv[1], "compile_commands.json")) as file:
         entries = [e for e in json.load(file) if os.sep + os.path.join("tests", "bench", "") in e["file"]]
     if not entries:

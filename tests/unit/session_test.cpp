@@ -9,6 +9,7 @@
 #include "src/core/error.h"
 #include "src/frame/lattice.h"
 #include "src/session/checkpoint.h"
+#include "src/session/model_editor.h"
 #include "tests/unit/glass_scenes.h"
 
 namespace trex {
@@ -464,6 +465,28 @@ TEST(Session, CoarseFramesAreSharp) {
   const double sharp = error(true), blocks = error(false);
   EXPECT_LT(sharp, 0.85 * blocks) << sharp << ' ' << blocks;
   EXPECT_LT(sharp, 0.1);
+}
+
+/// Voxels that are built anew since something is hidden are as fine as those before.
+TEST(Session, VoxelsOfWhatIsVisibleAreAsFine) {
+  Scene scene;
+  scene.materials = {test::lambert(0.5f), test::lambert(0.0f, 5.0f)};
+  for (const float x : {-25.0f, -1.0f, 1.0f, 25.0f}) {  // far apart: more levels than asked for
+    const vec3 middle(x, 0.0f, 0.0f);
+    test::place(scene, test::box(middle - 0.5f, middle + 0.5f, x > 0.0f ? 1 : 0, false));
+  }
+  scene.cameras = {test::lookAt(dvec3(0.0, 0.0, 9.0), dvec3(0.0, 0.0, -1.0), 1.0f)};
+  scene.objects = {"first", "second", "third", "fourth"};
+  const ModelOptions options{.voxels = true, .voxelDepth = 6};
+  const auto model = std::make_shared<Model>(makeModel(std::move(scene), options));
+  const std::uint32_t depth = model->voxels->info.depth;
+  ASSERT_GT(depth, 6u);
+  const auto before = model->voxels;
+  Look look = ModelEditor(model, options).source();
+  look.hidden = {1};
+  applyLook(model, look, options);
+  EXPECT_NE(model->voxels, before);
+  EXPECT_GE(model->voxels->info.depth, depth);
 }
 
 /// A picture that is made a slice at a time, as the window does, is that made in one go; and what
