@@ -40,6 +40,7 @@ int run(int argc, char** argv) {
   });
   trex::addRenderCommand(app, exitCode);
   trex::addViewCommand(app, argc, argv);
+  trex::addWorkerCommand(app);
   trex::addBakeCommand(app);
   trex::addInfoCommand(app);
   trex::addDoctorCommand(app);
@@ -51,11 +52,16 @@ int run(int argc, char** argv) {
   const trex::machines::Started started = trex::machines::startedAs();
   if (started.rank > 0) trex::setLogLevel(trex::LogLevel::kQuiet);  // machine 0 says it
   if (started.size > 1) {
+    const auto together = [](const std::string& name) {
+      return name == "render" || name == "view" || name == "worker";
+    };
     for (CLI::App* command :
-         app.get_subcommands([](CLI::App* c) { return c->get_name() != "render"; })) {
+         app.get_subcommands([&](CLI::App* c) { return !together(c->get_name()); })) {
       command->preparse_callback([name = command->get_name()](std::size_t) {
         trex::fail(trex::ExitCode::kUsage,
-                   "trex {}: runs on one machine; mpirun is for trex render", name);
+                   "trex {}: runs on one machine; mpirun is for trex render, and trex view with "
+                   "trex worker",
+                   name);
       });
     }
   }

@@ -124,15 +124,19 @@ void Worker::hear(Kind kind, ByteView body) {
     case Kind::kAlone:
       return hearOfPhotons(kind, body);
     case Kind::kView:
+    case Kind::kEdit:
     case Kind::kStop:
       ++views_;
       ++passes_;
       break;
     case Kind::kPass:
     case Kind::kRest:
+    case Kind::kAim:
       ++passes_;
       break;
     case Kind::kWelcome:
+    case Kind::kServe:
+    case Kind::kLent:
     case Kind::kLight:
     case Kind::kJob:
       break;
@@ -148,7 +152,6 @@ void Worker::hear(Kind kind, ByteView body) {
   changed_.notify_all();
 }
 
-/// The next message; nothing once machine 0 has said stop.
 std::optional<Worker::Heard> Worker::next() {
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [&] { return !heard_.empty() || problem_ || stopped_; });
@@ -253,20 +256,23 @@ void Worker::takeJob(Work& work, const GiveJob& message, std::uint32_t begun) {
   passBegun_ = begun;
   const auto going = [this] { return passes_ == passBegun_; };
   if (!work.session->takeUnits(units, going, taken)) return;
-  Result result;
-  result.pass = message.pass;
-  result.id = message.id;
-  result.seconds = secondsNow() - start;
+  Result result{.pass = message.pass, .id = message.id, .seconds = secondsNow() - start};
+  result.samples = packSamples(taken.samples, work.pass->contents);
+  sendResult(std::move(result), taken.rays, *work.session);
+}
+
+/// With what this machine has done so far.
+void Worker::sendResult(Result result, const RayCounts& rays, const Session& session) {
   result.peakBytes = peakResidentBytes();
-  const SessionReport done = work.session->report();
+  const SessionReport done = session.report();
+  result.device = done.device;
   result.times = {processorSeconds(),     done.photonSeconds,   done.traffic.waiting,
                   done.traffic.unpacking, done.traffic.reading, done.pages.loads};
-  result.cRays = taken.rays.cRays;
-  result.shadowRays = taken.rays.shadowRays;
-  result.cones = taken.rays.cones;
-  result.cacheReads = taken.rays.cacheReads;
-  result.exactPaths = taken.rays.exactPaths;
-  result.samples = packSamples(taken.samples, work.pass->contents);
+  result.cRays = rays.cRays;
+  result.shadowRays = rays.shadowRays;
+  result.cones = rays.cones;
+  result.cacheReads = rays.cacheReads;
+  result.exactPaths = rays.exactPaths;
   link_.send(0, result);
 }
 

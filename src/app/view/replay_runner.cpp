@@ -247,6 +247,11 @@ void ReplayRunner::await(ReplayWait wait) {
     turnUntil("the model to be ready", [&](const Turn&) {
       return shownAt_.has_value() && viewer_.phase() == OpenPhase::kReady;
     });
+  } else if (wait == ReplayWait::kMachines) {
+    turnUntil("the other machines", [&](const Turn&) {
+      const ViewerFigures f = viewer_.figures();
+      return shownAt_.has_value() && f.readyMachines == f.machines;
+    });
   } else if (wait == ReplayWait::kIdle) {
     turnUntil("the picture to be done", [&](const Turn&) { return viewer_.idle(); });
   }
