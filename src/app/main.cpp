@@ -6,6 +6,7 @@
 #include <exception>
 #include <new>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "src/app/app.h"
@@ -50,7 +51,10 @@ int run(int argc, char** argv) {
   trex::addExportVdbCommand(app);
   trex::addBenchCommand(app, exitCode);
   const trex::machines::Started started = trex::machines::startedAs();
-  if (started.rank > 0) trex::setLogLevel(trex::LogLevel::kQuiet);  // machine 0 says it
+  if (started.rank > 0) {  // machine 0 says it, but how a worker was called wrongly
+    const bool isWorker = std::find(argv, argv + argc, std::string_view("worker")) != argv + argc;
+    trex::setLogLevel(isWorker ? trex::LogLevel::kError : trex::LogLevel::kQuiet);
+  }
   if (started.size > 1) {
     const auto together = [](const std::string& name) {
       return name == "render" || name == "view" || name == "worker";

@@ -131,7 +131,6 @@ void work(WorkerArguments& w) {
   try {
     server = std::make_unique<machines::Server>(machines::openMpiWire, self);
   } catch (const Error& e) {
-    setLogLevel(LogLevel::kError);
     throw Error(e.code(), fmt::format("machine {} ({}): {}", started.rank, self.host, e.what()));
   }
   try {

@@ -18,8 +18,8 @@ constexpr ModelOptions kOptions{.voxels = true, .voxelsInTheDark = true, .voxelD
 
 RenderSettings windowSettings(double exact, std::uint32_t samples) {
   RenderSettings s = settings(exact, samples);
-  s.width = 200;  // twelve tiles, some of them cut
-  s.height = 136;
+  s.width = 136;  // six tiles, some of them cut
+  s.height = 72;
   s.interactive = true;
   s.denoise = Denoise::kFilter;
   return s;
@@ -188,21 +188,21 @@ void expectSameForEveryEdit(const RenderSettings& s, std::uint32_t machines, uns
 }
 
 TEST(WindowAndServers, MakeTheSamePictureAfterEveryEdit) {
-  expectSameForEveryEdit(windowSettings(0.0, 8), 3, 1);
+  expectSameForEveryEdit(windowSettings(0.0, 6), 3, 1);
 }
 
 TEST(WindowAndServers, MakeTheSameExactPicture) {
-  expectSameForEveryEdit(windowSettings(1.0, 6), 2, 2);
+  expectSameForEveryEdit(windowSettings(1.0, 3), 2, 2);
 }
 
 TEST(WindowAndServers, MakeTheSamePictureWithADial) {
-  RenderSettings s = windowSettings(kFirstShare, 10);
+  RenderSettings s = windowSettings(kFirstShare, 7);
   s.dial = true;
   expectSameForEveryEdit(s, 3, 3);
 }
 
 TEST(WindowAndServers, MakeTheSamePictureOfCausticsByCones) {
-  RenderSettings s = windowSettings(0.25, 5);
+  RenderSettings s = windowSettings(0.25, 3);
   s.guess = GuessKind::kCone;
   expectSameForEveryEdit(s, 2, 4, true);
 }

@@ -39,7 +39,7 @@ class Servers(ViewTest):
     def setUp(self):
         super().setUp()
         self.model = self.path("cornell.trex")
-        subprocess.run([view_test.TREX, "bake", self.cornell, "-o", self.model, "-q"], check=True)
+        subprocess.run([view_test.TREX, "bake", self.cornell, "-o", self.model, "-q"], check=True, capture_output=True)
 
     def environment(self, display=True):
         environment = super().environment(display)
@@ -140,11 +140,11 @@ class Servers(ViewTest):
                 found[int(environ[b"OMPI_COMM_WORLD_RANK"])] = int(path.split("/")[2])
         return found
 
-    LONG = [{"wait": "machines"}, {"save": "begun.exr", "samples": 1}, {"label": "turn", "camera": {"orbit": [0.05, 0.02]}},
-            {"wait": "idle", "save": "end.exr"}]
+    EDIT = {"material": {"index": 0, "roughness": 0.3}}  # with light of its own
+    LONG = [{"wait": "machines"}, {"save": "begun.exr", "samples": 1}, EDIT, {"wait": "idle", "save": "end.exr"}]
 
     def test_a_server_that_stops_is_not_waited_for(self):
-        p = self.start(2, self.LONG, "--spp", 400)
+        p = self.start(2, self.LONG, "--spp", 300)
         self.wait_for("begun.exr", p)
         time.sleep(1.0)
         stopped = self.workers(p)[1]
@@ -155,7 +155,7 @@ class Servers(ViewTest):
             os.kill(stopped, signal.SIGCONT)  # it can be told to stop
         said = p.communicate(timeout=60)[1]
         self.assertEqual(p.returncode, 0, said)
-        self.replay([{"wait": "idle"}, self.LONG[2], {"wait": "idle", "save": "alone.exr"}], "--spp", 400, size=(200, 136),
+        self.replay([{"wait": "idle"}, self.EDIT, {"wait": "idle", "save": "alone.exr"}], "--spp", 300, size=(200, 136),
                     model=self.model)
         self.same("end.exr", "alone.exr")
 
@@ -166,7 +166,7 @@ class Servers(ViewTest):
         mpirun = [os.path.join(folder, "bin", "mpirun"), "--with-ft", "ulfm", "--allow-run-as-root", "--bind-to", "none",
                   "--map-by", ":OVERSUBSCRIBE"]
         environment = {**self.environment(), "LD_LIBRARY_PATH": os.path.join(folder, "lib")}
-        p = self.start(2, self.LONG, "--spp", 400, mpirun=mpirun, environment=environment)
+        p = self.start(2, self.LONG, "--spp", 300, mpirun=mpirun, environment=environment)
         self.wait_for("begun.exr", p)
         time.sleep(1.0)
         os.kill(self.workers(p)[2], signal.SIGKILL)
@@ -174,7 +174,7 @@ class Servers(ViewTest):
         self.assertEqual(p.returncode, 0, said)
         self.assertIn("machine 2", said)
         self.assertIn("has ended", said)
-        self.replay([{"wait": "idle"}, self.LONG[2], {"wait": "idle", "save": "alone.exr"}], "--spp", 400, size=(200, 136),
+        self.replay([{"wait": "idle"}, self.EDIT, {"wait": "idle", "save": "alone.exr"}], "--spp", 300, size=(200, 136),
                     model=self.model)
         self.same("end.exr", "alone.exr")
 
