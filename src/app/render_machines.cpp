@@ -131,6 +131,9 @@ void followJob(RenderArguments& a, machines::Worker& worker) {
   catchInterrupts();
   const auto welcome = worker.awaitWelcome();
   if (!welcome) return;
+  if (welcome->window) {
+    fail(ExitCode::kFailed, "machine 0 has a window, which trex worker serves, not trex render");
+  }
   if (!welcome->local && welcome->fileBytes.size() != kFiles) {
     fail(ExitCode::kFailed, "machine 0: has not said which files there are");
   }

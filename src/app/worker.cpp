@@ -90,7 +90,7 @@ void serve(const WorkerArguments& w, machines::Server& server) {
   catchInterrupts();
   const auto welcome = server.awaitWelcome();
   if (!welcome) return;
-  const auto window = server.awaitServe();
+  const auto window = server.awaitServe(*welcome);
   if (!window) return;
   if (!welcome->local && welcome->fileBytes.size() != kFiles) {
     fail(ExitCode::kFailed, "machine 0: has not said which files there are");

@@ -111,7 +111,6 @@ void Leader::sendWelcome(std::uint32_t to) {
 Leader::~Leader() {
   stop();
   finish(static_cast<int>(ExitCode::kFailed));
-  server_.stop();  // it sends by the link
 }
 
 /// A machine has died: what it held goes to others.
@@ -142,6 +141,7 @@ void Leader::welcome(bool local, bool baked, std::vector<ServedFile> files) {
   Welcome w;
   w.local = local;
   w.baked = baked;
+  w.window = serve_.has_value();
   for (const ServedFile& f : files) w.fileBytes.push_back(f.size);
   server_.setFiles(std::move(files));
   welcome_ = w;
@@ -350,6 +350,7 @@ std::uint64_t Leader::jobsAgain() const {
 }
 
 void Leader::stop() {
+  server_.stop();  // after Stop nobody takes what it would send
   std::unique_lock lock(mutex_);
   if (stopped_) return;
   stopped_ = true;

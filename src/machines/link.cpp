@@ -152,7 +152,11 @@ void Link::end(Wire& wire) {
   if (aborts_) wire.abort(*aborts_);
   if (abandons_) return;
   sendAll(wire);
-  while (wire.unsent() > 0) std::this_thread::sleep_for(std::chrono::microseconds(100));
+  // Whoever waits for us to take something is on its way to the end, too.
+  while (wire.unsent() > 0) {
+    wire.receive();
+    std::this_thread::sleep_for(std::chrono::microseconds(100));
+  }
   wire.finish();
 }
 

@@ -91,9 +91,10 @@ struct Welcome {
   std::uint8_t local = 0;                ///< each machine has the model
   std::uint8_t baked = 0;                ///< the model is a bundle; else it was made for this
   std::vector<std::uint64_t> fileBytes;  ///< of files that kFetch names by their place here
+  std::uint8_t window = 0;               ///< machine 0 has one: kServe follows
   template <class F>
   void fields(F&& f) {
-    f(local), f(baked), f(fileBytes);
+    f(local), f(baked), f(fileBytes), f(window);
   }
 };
 

@@ -36,14 +36,15 @@ struct Server::Window {
   std::uint32_t light = 0;            ///< that it has begun
 };
 
-std::optional<Serve> Server::awaitServe() {
-  const auto heard = next();
-  if (!heard) return {};
-  if (heard->kind != Kind::kServe) {
+std::optional<Serve> Server::awaitServe(const Welcome& welcome) {
+  if (!welcome.window) {
     fail(ExitCode::kFailed,
          "machine 0 has no window: trex worker serves trex view, all processes of trex render are "
          "trex render");
   }
+  const auto heard = next();
+  if (!heard) return {};
+  if (heard->kind != Kind::kServe) fail(ExitCode::kFailed, "machine 0: did not say what it shows");
   return decode<Serve>(heard->body);
 }
 

@@ -15,9 +15,8 @@ class Server : public Worker {
  public:
   using Worker::Worker;
 
-  /// What the window was started with; nothing if it has closed before. After awaitWelcome().
-  /// Throws Error.
-  std::optional<Serve> awaitServe();
+  /// What the window was started with; nothing if it has closed before. Throws Error.
+  std::optional<Serve> awaitServe(const Welcome& welcome);
   /// Takes samples until machine 0 says stop. `model`: without voxels; `voxels`: its own, null
   /// where every sample is exact; `options`: it was made with these; `settings`: the window's.
   void run(std::shared_ptr<Model> model, std::shared_ptr<asvo::Tree> voxels,

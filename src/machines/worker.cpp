@@ -143,11 +143,11 @@ void Worker::hear(Kind kind, ByteView body) {
     default:
       throw MessageError("machine 0 should not have sent it");
   }
+  const std::lock_guard lock(mutex_);
   if (kind == Kind::kStop) {
+    stopped_ = true;
     link_.send(0, Bye{});
   }
-  const std::lock_guard lock(mutex_);
-  if (kind == Kind::kStop) stopped_ = true;
   heard_.push_back({kind, views_, passes_, {body.begin(), body.end()}});
   changed_.notify_all();
 }
@@ -273,7 +273,7 @@ void Worker::sendResult(Result result, const RayCounts& rays, const Session& ses
   result.cones = rays.cones;
   result.cacheReads = rays.cacheReads;
   result.exactPaths = rays.exactPaths;
-  link_.send(0, result);
+  tell(result);
 }
 
 void Worker::run(std::shared_ptr<const Model> model, const std::vector<Camera>& views,

@@ -55,9 +55,13 @@ class Worker : public PhotonSharer {
   /// The next message; nothing once machine 0 has said stop.
   std::optional<Heard> next();
   void sendResult(Result result, const RayCounts& rays, const Session& session);
+  /// But for the goodbye: after that machine 0 receives nothing, and what is large would wait for
+  /// it.
   template <class M>
   void tell(const M& message) {
-    link_.send(0, message);
+    Bytes bytes = encode(message);
+    const std::lock_guard lock(mutex_);
+    if (!stopped_) link_.send(0, std::move(bytes));
   }
   std::atomic<std::uint32_t> views_{0}, passes_{0};  ///< that have begun, as far as was heard
   std::atomic<std::uint32_t> passBegun_{0};          ///< of passes_, of the job under way

@@ -103,7 +103,8 @@ class ServedNet {
       threads_.emplace_back([this, rank, s, glass] {
         Server server(wireOf(net, rank), hello());
         try {
-          if (server.awaitWelcome() && server.awaitServe()) {
+          const auto welcome = server.awaitWelcome();
+          if (welcome && server.awaitServe(*welcome)) {
             auto model = std::make_shared<Model>(makeModel(room(glass), kOptions));
             auto voxels = std::exchange(model->voxels, nullptr);
             if (s.exact >= 1.0) voxels.reset();
@@ -282,7 +283,8 @@ TEST(WindowAndServers, OneWithAnotherModelIsLeftOut) {
   std::jthread other([&] {
     Server server(wireOf(net, 1), hello());
     try {
-      if (server.awaitWelcome() && server.awaitServe()) {
+      const auto welcome = server.awaitWelcome();
+      if (welcome && server.awaitServe(*welcome)) {
         server.run(std::make_shared<Model>(makeModel(room(false), kOptions)), nullptr, kOptions, s,
                    kDigest + 1);
       }

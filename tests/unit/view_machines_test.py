@@ -49,7 +49,7 @@ class Servers(ViewTest):
         return [*mpirun, "-n", "1", view_test.TREX, "view", model or self.model, *map(str, arguments), ":", "-n", str(others),
                 view_test.TREX, "worker", "--threads", "1", *map(str, worker)]
 
-    def script(self, steps, name="script.json", size=(200, 136)):
+    def script(self, steps, name="script.json", size=(136, 72)):
         with open(self.path(name), "w") as f:
             json.dump({"trex": 1, "size": "%dx%d" % size, "steps": steps}, f)
         return name
@@ -78,7 +78,7 @@ class Servers(ViewTest):
             self.same(f"{first}-{label}.exr", f"{second}-{label}.exr")
 
     def same_as_alone(self, others, *arguments, edits=EDITS, **more):
-        self.replay(self.settled(edits, "alone"), *arguments, size=(200, 136), model=more.get("model") or self.model)
+        self.replay(self.settled(edits, "alone"), *arguments, size=(136, 72), model=more.get("model") or self.model)
         report = self.together(others, [{"wait": "machines"}, *self.settled(edits, "together")], *arguments, **more)
         self.expect_same(edits)
         self.assertEqual(len(report["machines"]), others + 1)
@@ -87,12 +87,12 @@ class Servers(ViewTest):
         return report
 
     def test_the_same_pictures_after_every_class_of_edit(self):
-        report = self.same_as_alone(2, "--spp", 12)
+        report = self.same_as_alone(2, "--spp", 8)
         for machine in report["machines"][1:]:
             self.assertGreater(machine["model_bytes_sent"], 10000)
 
     def test_the_same_exact_pictures_with_copies_of_the_source(self):
-        report = self.same_as_alone(1, "--spp", 8, "--exact", 1, "--scene-db", "local", "--seed", 3, edits=EDITS[:3],
+        report = self.same_as_alone(1, "--spp", 6, "--exact", 1, "--scene-db", "local", "--seed", 3, edits=EDITS[:3],
                                     model=self.cornell)
         self.assertEqual(report["machines"][1]["model_bytes_sent"], 0)
 
@@ -155,7 +155,7 @@ class Servers(ViewTest):
             os.kill(stopped, signal.SIGCONT)  # it can be told to stop
         said = p.communicate(timeout=60)[1]
         self.assertEqual(p.returncode, 0, said)
-        self.replay([{"wait": "idle"}, self.EDIT, {"wait": "idle", "save": "alone.exr"}], "--spp", 300, size=(200, 136),
+        self.replay([{"wait": "idle"}, self.EDIT, {"wait": "idle", "save": "alone.exr"}], "--spp", 300, size=(136, 72),
                     model=self.model)
         self.same("end.exr", "alone.exr")
 
@@ -174,7 +174,7 @@ class Servers(ViewTest):
         self.assertEqual(p.returncode, 0, said)
         self.assertIn("machine 2", said)
         self.assertIn("has ended", said)
-        self.replay([{"wait": "idle"}, self.EDIT, {"wait": "idle", "save": "alone.exr"}], "--spp", 300, size=(200, 136),
+        self.replay([{"wait": "idle"}, self.EDIT, {"wait": "idle", "save": "alone.exr"}], "--spp", 300, size=(136, 72),
                     model=self.model)
         self.same("end.exr", "alone.exr")
 
@@ -215,7 +215,7 @@ class Servers(ViewTest):
                            cwd=self.folder, env=self.environment(display=False))
         self.assertNotEqual(p.returncode, 0)
         self.assertIn("one window is enough", p.stderr)
-        render = [view_test.TREX, "render", self.model, "-o", "a.exr", "--size", "8x8", "--spp", "1", "--device", "none"]
+        render = [view_test.TREX, "render", self.model, "-o", "a.exr", "--size", "64x64", "--spp", "100000", "--device", "none"]
         p = subprocess.run([*MPIRUN, "-n", "1", *render, ":", "-n", "1", view_test.TREX, "worker"], capture_output=True, text=True,
                            timeout=60, cwd=self.folder, env=self.environment())
         self.assertEqual(p.returncode, 1, p.stderr)
