@@ -24,4 +24,7 @@ void addMergeCommand(CLI::App& app);
 /// Adds `trex view`, which becomes the program trex-view with the arguments of this one.
 void addViewCommand(CLI::App& app, int argc, char** argv);
 
+/// Adds `trex worker`.
+void addWorkerCommand(CLI::App& app);
+
 }  // namespace trex

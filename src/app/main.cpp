@@ -6,6 +6,7 @@
 #include <exception>
 #include <new>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "src/app/app.h"
@@ -40,6 +41,7 @@ int run(int argc, char** argv) {
   });
   trex::addRenderCommand(app, exitCode);
   trex::addViewCommand(app, argc, argv);
+  trex::addWorkerCommand(app);
   trex::addBakeCommand(app);
   trex::addInfoCommand(app);
   trex::addDoctorCommand(app);
@@ -49,13 +51,21 @@ int run(int argc, char** argv) {
   trex::addExportVdbCommand(app);
   trex::addBenchCommand(app, exitCode);
   const trex::machines::Started started = trex::machines::startedAs();
-  if (started.rank > 0) trex::setLogLevel(trex::LogLevel::kQuiet);  // machine 0 says it
+  if (started.rank > 0) {  // machine 0 says it, but how a worker was called wrongly
+    const bool isWorker = std::find(argv, argv + argc, std::string_view("worker")) != argv + argc;
+    trex::setLogLevel(isWorker ? trex::LogLevel::kError : trex::LogLevel::kQuiet);
+  }
   if (started.size > 1) {
+    const auto together = [](const std::string& name) {
+      return name == "render" || name == "view" || name == "worker";
+    };
     for (CLI::App* command :
-         app.get_subcommands([](CLI::App* c) { return c->get_name() != "render"; })) {
+         app.get_subcommands([&](CLI::App* c) { return !together(c->get_name()); })) {
       command->preparse_callback([name = command->get_name()](std::size_t) {
         trex::fail(trex::ExitCode::kUsage,
-                   "trex {}: runs on one machine; mpirun is for trex render", name);
+                   "trex {}: runs on one machine; mpirun is for trex render, and trex view with "
+                   "trex worker",
+                   name);
       });
     }
   }

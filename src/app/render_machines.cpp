@@ -4,11 +4,10 @@
 #include <unistd.h>
 
 #include <csignal>
-#include <filesystem>
-#include <fstream>
 #include <new>
 
 #include "src/app/capture.h"
+#include "src/app/lent_files.h"
 #include "src/app/render_open.h"
 #include "src/bundle/page_file.h"
 #include "src/command/interrupt.h"
@@ -24,17 +23,8 @@
 namespace trex {
 namespace {
 
-namespace fs = std::filesystem;
-
 /// Files that machine 0 serves, by number; those that are not wanted are empty.
 enum : std::uint32_t { kModelFile, kEditsFile, kPathFile, kEnvironmentFile, kFiles };
-
-machines::ServedFile served(const std::string& path) {
-  std::error_code error;
-  const std::uint64_t size = fs::is_regular_file(path, error) ? fs::file_size(path, error) : 0;
-  if (error || size == 0) return {};
-  return {std::make_shared<bundle::FilePages>(path, 0), size};
-}
 
 /// The model as a bundle in memory.
 machines::ServedFile made(const RenderArguments& a, const Model& model, const ModelOptions& built) {
@@ -49,53 +39,14 @@ machines::ServedFile made(const RenderArguments& a, const Model& model, const Mo
 std::vector<machines::ServedFile> filesOf(const RenderArguments& a, const OpenedRender& opened) {
   std::vector<machines::ServedFile> files(kFiles);
   const bool baked = isBundlePath(a.input);
-  files[kModelFile] = baked ? served(a.input) : made(a, *opened.model, opened.built);
-  if (!a.edits.empty()) files[kEditsFile] = served(a.edits);
-  if (!a.path.empty()) files[kPathFile] = served(a.path);
+  files[kModelFile] = baked ? servedFile(a.input) : made(a, *opened.model, opened.built);
+  if (!a.edits.empty()) files[kEditsFile] = servedFile(a.edits);
+  if (!a.path.empty()) files[kPathFile] = servedFile(a.path);
   if (baked && !a.environment.empty()) {
-    files[kEnvironmentFile] = served(environmentFile(a.environment));
+    files[kEnvironmentFile] = servedFile(environmentFile(a.environment));
   }
   return files;
 }
-
-/// Copies of machine 0's small files, for as long as this is there.
-class LentFiles {
- public:
-  LentFiles(machines::Worker& worker, const machines::Welcome& welcome)
-      : worker_(worker), welcome_(welcome) {}
-  ~LentFiles() {
-    std::error_code ignored;
-    for (const fs::path& path : paths_) fs::remove(path, ignored);
-  }
-  LentFiles(const LentFiles&) = delete;
-  LentFiles& operator=(const LentFiles&) = delete;
-
-  bool has(std::uint32_t number) const { return welcome_.fileBytes[number] > 0; }
-  /// The path of the copy of a file that is called `name` on machine 0.
-  std::string take(std::uint32_t number, const std::string& name) {
-    constexpr std::uint64_t kMost = std::uint64_t{1} << 30;
-    const std::uint64_t size = welcome_.fileBytes[number];
-    if (size > kMost) {
-      fail(ExitCode::kInput, "{}: is too large to be sent; use --scene-db local", name);
-    }
-    std::vector<std::byte> bytes(size);
-    worker_.file(number, name)->read(0, bytes);
-    const fs::path path =
-        fs::temp_directory_path() /
-        fmt::format("trex-{}-{}{}", ::getpid(), number, fs::path(name).extension().string());
-    paths_.push_back(path);
-    std::ofstream out(path, std::ios::binary | std::ios::trunc);
-    out.write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(size));
-    out.close();
-    if (!out) fail(ExitCode::kOutput, "{}: can't be written", path.string());
-    return path.string();
-  }
-
- private:
-  machines::Worker& worker_;
-  const machines::Welcome& welcome_;
-  std::vector<fs::path> paths_;
-};
 
 /// Where a machine without files has the model from; names in the arguments become those of copies.
 RenderSource sourceOf(RenderArguments& a, machines::Worker& worker,
@@ -180,6 +131,9 @@ void followJob(RenderArguments& a, machines::Worker& worker) {
   catchInterrupts();
   const auto welcome = worker.awaitWelcome();
   if (!welcome) return;
+  if (welcome->window) {
+    fail(ExitCode::kFailed, "machine 0 has a window, which trex worker serves, not trex render");
+  }
   if (!welcome->local && welcome->fileBytes.size() != kFiles) {
     fail(ExitCode::kFailed, "machine 0: has not said which files there are");
   }

@@ -9,6 +9,8 @@
 #include "src/app/app.h"
 #include "src/core/child.h"
 #include "src/core/error.h"
+#include "src/core/log.h"
+#include "src/machines/mpi_wire.h"
 
 namespace trex {
 namespace {
@@ -36,6 +38,11 @@ void addViewCommand(CLI::App& app, int argc, char** argv) {
   c->set_help_flag();
   c->fallthrough(false);
   c->callback([argc, argv] {
+    if (machines::startedAs().rank > 0) {
+      setLogLevel(LogLevel::kError);
+      fail(ExitCode::kUsage,
+           "one window is enough: mpirun -n 1 trex view MODEL : -n 3 trex worker");
+    }
     int first = 1;
     while (first < argc && std::strcmp(argv[first], "view") != 0) ++first;
     std::vector<std::string> arguments(argv + 1, argv + first);

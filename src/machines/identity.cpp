@@ -29,13 +29,13 @@ std::uint64_t instructionsOfThis() {
 
 }  // namespace
 
-Hello helloOfThis(std::uint32_t threads) {
+Hello helloOfThis(std::uint32_t threads, const std::filesystem::path& program) {
   char host[256] = "?";
   ::gethostname(host, sizeof(host) - 1);
   Hello hello;
   hello.version = kVersion;
   hello.host = host;
-  hello.build = hashFile("/proc/self/exe");
+  hello.build = hashFile(program);
   hello.instructions = instructionsOfThis();
   hello.threads = threads;
   return hello;

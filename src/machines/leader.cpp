@@ -79,14 +79,38 @@ Leader::Leader(const Link::MakeWire& make, const Hello& self)
 /// The work ends with this error, if there was none before.
 void Leader::end(const Error& error) {
   const std::lock_guard lock(mutex_);
+  if (!failure_ && listener_ != nullptr) logWarning("{}; going on alone", error.what());
   if (!failure_) failure_ = error;
   changed_.notify_all();
+}
+
+void Leader::workFor(MachineListener* listener, const Serve& serve) {
+  const std::lock_guard lock(mutex_);
+  listener_ = listener;
+  serve_ = serve;
+}
+
+void Leader::drop(std::uint32_t machine, const std::string& why) {
+  const std::lock_guard lock(mutex_);
+  fail(machine, static_cast<int>(ExitCode::kFailed), why);
+}
+
+/// Others get what a machine holds. The lock is held.
+void Leader::lose(std::uint32_t machine) {
+  ledger_.lose(machine);
+  photonJobs_.lose(machine);
+  if (listener_ != nullptr) listener_->lost(machine);
+}
+
+/// What there is to open. The lock is held.
+void Leader::sendWelcome(std::uint32_t to) {
+  link_.send(to, *welcome_);
+  if (serve_) link_.send(to, *serve_);
 }
 
 Leader::~Leader() {
   stop();
   finish(static_cast<int>(ExitCode::kFailed));
-  server_.stop();  // it sends by the link
 }
 
 /// A machine has died: what it held goes to others.
@@ -96,8 +120,7 @@ void Leader::forget(std::uint32_t machine) {
   if (m.state == State::kGone) return;
   m.state = State::kGone;
   m.at.reset();
-  ledger_.lose(machine);
-  photonJobs_.lose(machine);
+  lose(machine);
   if (!stopped_) logWarning("{}: has ended; others take its jobs", nameOf(machine));
   dealAll();
   changed_.notify_all();
@@ -118,11 +141,12 @@ void Leader::welcome(bool local, bool baked, std::vector<ServedFile> files) {
   Welcome w;
   w.local = local;
   w.baked = baked;
+  w.window = serve_.has_value();
   for (const ServedFile& f : files) w.fileBytes.push_back(f.size);
   server_.setFiles(std::move(files));
   welcome_ = w;
   for (std::uint32_t i = 1; i < machines_.size(); ++i) {
-    if (machines_[i].state == State::kGreeted) link_.send(i, w);
+    if (machines_[i].state == State::kGreeted) sendWelcome(i);
   }
 }
 
@@ -326,6 +350,7 @@ std::uint64_t Leader::jobsAgain() const {
 }
 
 void Leader::stop() {
+  server_.stop();  // after Stop nobody takes what it would send
   std::unique_lock lock(mutex_);
   if (stopped_) return;
   stopped_ = true;

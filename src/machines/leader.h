@@ -46,6 +46,19 @@ struct MachineRow {
   std::uint64_t peakBytes = 0;    ///< resident; 0 before its first result
 };
 
+/// Who gives machines other work than that of a render (servers.h). Called with the leader's lock
+/// held; may send.
+class MachineListener {
+ public:
+  virtual ~MachineListener() = default;
+  /// It has opened the model, or answers again.
+  virtual void ready(std::uint32_t machine) = 0;
+  /// It has ended, does not answer, or has failed.
+  virtual void lost(std::uint32_t machine) = 0;
+  virtual void result(std::uint32_t machine, Result result) = 0;
+  virtual void lit(std::uint32_t machine, const Lit& lit) = 0;
+};
+
 /// Used by one thread, but for what it hears.
 class Leader : public SampleSharer {
  public:
@@ -55,6 +68,14 @@ class Leader : public SampleSharer {
   ~Leader() override;
 
   std::uint32_t machines() const { return link_.size(); }
+  /// From now on machines have a window's work, and one that fails is left out; before welcome().
+  void workFor(MachineListener* listener, const Serve& serve);
+  template <class M>
+  void send(std::uint32_t to, const M& message) {
+    link_.send(to, message);
+  }
+  /// What a machine has said makes no sense: as if it had failed.
+  void drop(std::uint32_t machine, const std::string& why);
 
   /// What all others are to open: the model they have themselves, or the first of `files`, which is
   /// a bundle: `baked`, or made for this.
@@ -111,6 +132,8 @@ class Leader : public SampleSharer {
   void tick();
   void end(const Error& error);
   void forget(std::uint32_t machine);
+  void lose(std::uint32_t machine);
+  void sendWelcome(std::uint32_t to);
   void fail(std::uint32_t machine, int code, const std::string& text);
   void greet(std::uint32_t from, const Hello& hello);
   void checkReady(std::uint32_t from);
@@ -145,7 +168,9 @@ class Leader : public SampleSharer {
   std::condition_variable changed_;
   std::vector<Machine> machines_;
   JobLedger ledger_;
+  MachineListener* listener_ = nullptr;
   std::optional<Welcome> welcome_;
+  std::optional<Serve> serve_;
   std::optional<std::uint64_t> digest_;
   std::optional<Error> failure_;
   std::optional<std::uint32_t> view_;

@@ -53,6 +53,9 @@ void Leader::hear(std::uint32_t from, Kind kind, ByteView body) {
     case Kind::kShot:
       hearShot(from, decode<Shot>(body));
       break;
+    case Kind::kLit:
+      if (listener_ != nullptr) listener_->lit(from, decode<Lit>(body));
+      break;
     case Kind::kPong:
       break;
     case Kind::kFailed: {
@@ -71,12 +74,15 @@ void Leader::hear(std::uint32_t from, Kind kind, ByteView body) {
 
 void Leader::fail(std::uint32_t machine, int code, const std::string& text) {
   const bool known = code >= 1 && code <= static_cast<int>(ExitCode::kDiffer);
-  if (!failure_) {
+  if (listener_ != nullptr) {  // a window goes on
+    machines_[machine].ready = false;
+    machines_[machine].digest.reset();
+    logWarning("{}: {}; going on without it", nameOf(machine), text);
+  } else if (!failure_) {
     failure_.emplace(known ? static_cast<ExitCode>(code) : ExitCode::kFailed,
                      fmt::format("{}: {}", nameOf(machine), text));
   }
-  ledger_.lose(machine);
-  photonJobs_.lose(machine);
+  lose(machine);
   changed_.notify_all();
 }
 
@@ -94,7 +100,7 @@ void Leader::greet(std::uint32_t from, const Hello& hello) {
     logWarning("{}: has {}, machine 0 has {}: pictures may differ in their last bits", nameOf(from),
                instructionText(hello.instructions), instructionText(self_.instructions));
   }
-  if (welcome_) link_.send(from, *welcome_);
+  if (welcome_) sendWelcome(from);
 }
 
 void Leader::checkReady(std::uint32_t from) {
@@ -115,6 +121,7 @@ void Leader::checkReady(std::uint32_t from) {
 
 /// Tells a machine what is under way.
 void Leader::bringIn(std::uint32_t machine) {
+  if (listener_ != nullptr) return listener_->ready(machine);
   if (!view_) return;
   if (machines_[machine].view != *view_) link_.send(machine, SetView{*view_});
   if (light_) link_.send(machine, *light_);
@@ -128,6 +135,8 @@ void Leader::bringIn(std::uint32_t machine) {
 void Leader::takeResult(std::uint32_t from, Result result) {
   machines_[from].row.peakBytes = result.peakBytes;
   machines_[from].row.times = result.times;
+  machines_[from].row.device = result.device;
+  if (listener_ != nullptr) return listener_->result(from, std::move(result));
   if (!pass_ || result.pass != pass_->number) return;
   const double seconds = result.seconds >= 0.0 && result.seconds < 1e9 ? result.seconds : 0.0;
   if (const auto job = ledger_.bring(from, result.id, seconds)) {
@@ -171,8 +180,7 @@ void Leader::tick() {
     if (!answers || now - m.heard < kSilentSeconds) continue;
     logWarning("{}: has not answered for {:.0f} s; others take its jobs", nameOf(i), now - m.heard);
     m.state = State::kSilent;
-    ledger_.lose(i);
-    photonJobs_.lose(i);
+    lose(i);
     changed_.notify_all();
   }
   dealAll();  // what has been lost, and what is late

@@ -11,7 +11,7 @@ namespace {
 // A link that is idle looks now and then; the longer nothing comes, the more seldom.
 // Large messages on their way want a look more often than that, but each look costs a processor
 // more than what it moves on.
-constexpr double kShortestPause = 20e-6, kSendingPause = 200e-6, kLongestPause = 1e-3;
+constexpr double kShortestPause = 20e-6, kMovingPause = 200e-6, kLongestPause = 1e-3;
 constexpr double kTickSeconds = 0.25;
 
 }  // namespace
@@ -152,7 +152,11 @@ void Link::end(Wire& wire) {
   if (aborts_) wire.abort(*aborts_);
   if (abandons_) return;
   sendAll(wire);
-  while (wire.unsent() > 0) std::this_thread::sleep_for(std::chrono::microseconds(100));
+  // Whoever waits for us to take something is on its way to the end, too.
+  while (wire.unsent() > 0) {
+    wire.receive();
+    std::this_thread::sleep_for(std::chrono::microseconds(100));
+  }
   wire.finish();
 }
 
@@ -179,7 +183,7 @@ void Link::work(const MakeWire& make) {
     try {
       const bool sent = sendAll(*wire), heard = hearAll(*wire);
       hearOfLost(*wire);
-      const double most = wire->unsent() > 0 ? kSendingPause : kLongestPause;
+      const double most = wire->unsent() > 0 ? kMovingPause : kLongestPause;
       wait = sent || heard ? kShortestPause : std::min(2.0 * wait, most);
       if (secondsNow() - ticked > kTickSeconds) {
         ticked = secondsNow();

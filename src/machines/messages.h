@@ -26,7 +26,7 @@
 namespace trex::machines {
 
 inline constexpr std::uint32_t kMagic = 0x4d585254u;  // "TRXM"
-inline constexpr std::uint16_t kProtocol = 2;
+inline constexpr std::uint16_t kProtocol = 3;
 inline constexpr std::size_t kHeadBytes = 24;
 /// No message is longer; who receives one asks before it takes the memory.
 inline constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 28;
@@ -65,6 +65,13 @@ enum class Kind : std::uint16_t {
   kAlone,    ///< shoot the batch alone: it is past
   kPing,
   kStop,
+  // Of a window. To machine 0:
+  kLit,  ///< the light is made
+  // From machine 0:
+  kServe,  ///< what the window was started with; after kWelcome
+  kEdit,   ///< another look, or another size: what was asked for before is void
+  kAim,    ///< light that samples will read
+  kLent,   ///< units of tiles to take
 };
 
 struct Hello {
@@ -84,9 +91,10 @@ struct Welcome {
   std::uint8_t local = 0;                ///< each machine has the model
   std::uint8_t baked = 0;                ///< the model is a bundle; else it was made for this
   std::vector<std::uint64_t> fileBytes;  ///< of files that kFetch names by their place here
+  std::uint8_t window = 0;               ///< machine 0 has one: kServe follows
   template <class F>
   void fields(F&& f) {
-    f(local), f(baked), f(fileBytes);
+    f(local), f(baked), f(fileBytes), f(window);
   }
 };
 
@@ -167,15 +175,16 @@ struct Result {
   std::uint32_t pass = 0, id = 0;
   double seconds = 0.0;
   std::uint64_t peakBytes = 0;  ///< resident, of the machine
-  MachineTimes times;
+  MachineTimes times{};
   std::uint64_t cRays = 0, shadowRays = 0, cones = 0, cacheReads = 0, exactPaths = 0;
-  Bytes samples;
+  std::string device{};  ///< it may have failed, and another gone on
+  Bytes samples{};
   template <class F>
   void fields(F&& f) {
     f(pass), f(id), f(seconds), f(peakBytes);
     times.fields(f);
     f(cRays), f(shadowRays), f(cones), f(cacheReads), f(exactPaths);
-    f(samples);
+    f(device), f(samples);
   }
 };
 
@@ -250,6 +259,66 @@ struct ShootAlone {
   template <class F>
   void fields(F&& f) {
     f(view), f(batch);
+  }
+};
+
+struct Serve {
+  static constexpr Kind kKind = Kind::kServe;
+  std::uint32_t width = 0, height = 0;  ///< that the model is opened for
+  std::string arguments;                ///< of the window's command line, each ended by a zero
+  template <class F>
+  void fields(F&& f) {
+    f(width), f(height), f(arguments);
+  }
+};
+
+struct Edit {
+  static constexpr Kind kKind = Kind::kEdit;
+  std::uint32_t number = 0, width = 0, height = 0;
+  std::string look;  ///< an overlay on the model: look_file.h
+  template <class F>
+  void fields(F&& f) {
+    f(number), f(width), f(height), f(look);
+  }
+};
+
+struct Aim {
+  static constexpr Kind kKind = Kind::kAim;
+  std::uint32_t light = 0;    ///< another number, another light
+  std::uint64_t photons = 0;  ///< of it
+  std::uint64_t leaves = 0;   ///< of its voxels
+  std::string aim;            ///< where photons go: the "light" of an overlay
+  template <class F>
+  void fields(F&& f) {
+    f(light), f(photons), f(leaves), f(aim);
+  }
+};
+
+struct Lit {
+  static constexpr Kind kKind = Kind::kLit;
+  std::uint32_t light = 0;
+  std::uint64_t photons = 0;
+  template <class F>
+  void fields(F&& f) {
+    f(light), f(photons);
+  }
+};
+
+/// From a cell to the end of one sample of a tile.
+struct LentUnit {
+  std::uint32_t tile = 0, sample = 0, firstCell = 0;
+};
+
+struct Lent {
+  static constexpr Kind kKind = Kind::kLent;
+  std::uint32_t edit = 0, id = 0, light = 0;
+  std::uint64_t photons = 0;   ///< whose light the samples read; 0: none
+  std::uint32_t contents = 0;  ///< of samples: sample_bytes.h
+  std::vector<LentUnit> units{};
+  std::vector<double> shares{};  ///< of exact samples, by unit; none without a dial
+  template <class F>
+  void fields(F&& f) {
+    f(edit), f(id), f(light), f(photons), f(contents), f(units), f(shares);
   }
 };
 

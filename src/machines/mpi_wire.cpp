@@ -59,20 +59,26 @@ class MpiWire : public Wire {
   }
 
   std::optional<Received> receive() override {
-    bool found = false;
-    int from = 0;
-    std::uint64_t size = 0;
-    check(mpi().look(found, from, size));
-    if (!found) return {};
-    if (size > kMostBytes) {
-      fail(ExitCode::kFailed, "machine {}: sent {} bytes at once, more than a message may have",
-           from, size);
+    while (coming_.size() < kMostComing && begin()) continue;
+    // Of each machine the first is waited for; others overtake one that has stopped.
+    std::vector<std::uint32_t> waited;
+    for (auto at = coming_.begin(); at != coming_.end();) {
+      if (std::find(waited.begin(), waited.end(), at->from) != waited.end()) {
+        ++at;
+        continue;
+      }
+      bool done = false, whole = false;
+      check(mpi().received(at->request, done, whole));
+      if (!done) {
+        waited.push_back(at->from);
+        ++at;
+        continue;
+      }
+      Received got{at->from, std::move(at->bytes)};
+      at = coming_.erase(at);
+      if (whole) return got;
     }
-    Received got{static_cast<std::uint32_t>(from), Bytes(size)};
-    bool whole = false;
-    check(mpi().receive(got.message.data(), whole));
-    if (!whole) return {};
-    return got;
+    return {};
   }
 
   std::size_t unsent() override {
@@ -81,7 +87,7 @@ class MpiWire : public Wire {
       check(mpi().sent(one.request, done));
       return done;
     });
-    return sending_.size();
+    return sending_.size() + coming_.size();
   }
 
   std::optional<std::uint32_t> lost() override {
@@ -99,12 +105,35 @@ class MpiWire : public Wire {
   void abort(int code) override { mpi().abort(code); }
 
  private:
+  static constexpr std::size_t kMostComing = 8;
   struct Sending {
     Bytes bytes;
     void* request;
   };
+  struct Coming {
+    std::uint32_t from;
+    Bytes bytes;
+    void* request;
+  };
+  /// Whether a message is there, which is on its way from now on.
+  bool begin() {
+    bool found = false;
+    int from = 0;
+    std::uint64_t size = 0;
+    check(mpi().look(found, from, size));
+    if (!found) return false;
+    if (size > kMostBytes) {
+      fail(ExitCode::kFailed, "machine {}: sent {} bytes at once, more than a message may have",
+           from, size);
+    }
+    Coming& one =
+        coming_.emplace_back(Coming{static_cast<std::uint32_t>(from), Bytes(size), nullptr});
+    check(mpi().receive(one.bytes.data(), one.request));
+    return true;
+  }
   std::uint32_t rank_ = 0, size_ = 1;
   std::deque<Sending> sending_;
+  std::deque<Coming> coming_;  ///< in the order they were found in
 };
 
 std::uint32_t numberOf(const char* variable, std::uint32_t otherwise) {

@@ -27,7 +27,7 @@ class Wire {
   /// A message that is there, or nothing. Throws Error(kFailed), for one of more than kMostBytes
   /// too.
   virtual std::optional<Received> receive() = 0;
-  /// Messages that were taken and are not on their way yet. Moves them on.
+  /// Messages that are on their way to this machine or, taken by send(), from it. Moves them on.
   virtual std::size_t unsent() = 0;
   /// A machine that has died, while the others go on; each once.
   virtual std::optional<std::uint32_t> lost() { return {}; }

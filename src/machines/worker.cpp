@@ -124,31 +124,34 @@ void Worker::hear(Kind kind, ByteView body) {
     case Kind::kAlone:
       return hearOfPhotons(kind, body);
     case Kind::kView:
+    case Kind::kEdit:
     case Kind::kStop:
       ++views_;
       ++passes_;
       break;
     case Kind::kPass:
     case Kind::kRest:
+    case Kind::kAim:
       ++passes_;
       break;
     case Kind::kWelcome:
+    case Kind::kServe:
+    case Kind::kLent:
     case Kind::kLight:
     case Kind::kJob:
       break;
     default:
       throw MessageError("machine 0 should not have sent it");
   }
+  const std::lock_guard lock(mutex_);
   if (kind == Kind::kStop) {
+    stopped_ = true;
     link_.send(0, Bye{});
   }
-  const std::lock_guard lock(mutex_);
-  if (kind == Kind::kStop) stopped_ = true;
   heard_.push_back({kind, views_, passes_, {body.begin(), body.end()}});
   changed_.notify_all();
 }
 
-/// The next message; nothing once machine 0 has said stop.
 std::optional<Worker::Heard> Worker::next() {
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [&] { return !heard_.empty() || problem_ || stopped_; });
@@ -253,21 +256,24 @@ void Worker::takeJob(Work& work, const GiveJob& message, std::uint32_t begun) {
   passBegun_ = begun;
   const auto going = [this] { return passes_ == passBegun_; };
   if (!work.session->takeUnits(units, going, taken)) return;
-  Result result;
-  result.pass = message.pass;
-  result.id = message.id;
-  result.seconds = secondsNow() - start;
+  Result result{.pass = message.pass, .id = message.id, .seconds = secondsNow() - start};
+  result.samples = packSamples(taken.samples, work.pass->contents);
+  sendResult(std::move(result), taken.rays, *work.session);
+}
+
+/// With what this machine has done so far.
+void Worker::sendResult(Result result, const RayCounts& rays, const Session& session) {
   result.peakBytes = peakResidentBytes();
-  const SessionReport done = work.session->report();
+  const SessionReport done = session.report();
+  result.device = done.device;
   result.times = {processorSeconds(),     done.photonSeconds,   done.traffic.waiting,
                   done.traffic.unpacking, done.traffic.reading, done.pages.loads};
-  result.cRays = taken.rays.cRays;
-  result.shadowRays = taken.rays.shadowRays;
-  result.cones = taken.rays.cones;
-  result.cacheReads = taken.rays.cacheReads;
-  result.exactPaths = taken.rays.exactPaths;
-  result.samples = packSamples(taken.samples, work.pass->contents);
-  link_.send(0, result);
+  result.cRays = rays.cRays;
+  result.shadowRays = rays.shadowRays;
+  result.cones = rays.cones;
+  result.cacheReads = rays.cacheReads;
+  result.exactPaths = rays.exactPaths;
+  tell(result);
 }
 
 void Worker::run(std::shared_ptr<const Model> model, const std::vector<Camera>& views,

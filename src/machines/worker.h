@@ -45,20 +45,34 @@ class Worker : public PhotonSharer {
   /// Waits for the end of all.
   void finish();
 
- private:
-  class RemoteFile;
+ protected:
   struct Heard {
     Kind kind;
     std::uint32_t views,
         passes;  ///< that had begun when it came: what it asks for is void after them
     Bytes body;
   };
+  /// The next message; nothing once machine 0 has said stop.
+  std::optional<Heard> next();
+  void sendResult(Result result, const RayCounts& rays, const Session& session);
+  /// But for the goodbye: after that machine 0 receives nothing, and what is large would wait for
+  /// it.
+  template <class M>
+  void tell(const M& message) {
+    Bytes bytes = encode(message);
+    const std::lock_guard lock(mutex_);
+    if (!stopped_) link_.send(0, std::move(bytes));
+  }
+  std::atomic<std::uint32_t> views_{0}, passes_{0};  ///< that have begun, as far as was heard
+  std::atomic<std::uint32_t> passBegun_{0};          ///< of passes_, of the job under way
+
+ private:
+  class RemoteFile;
   struct Work;
 
   void hear(Kind kind, ByteView body);
   void hearOfPhotons(Kind kind, ByteView body);
   void broken(const Error& error);
-  std::optional<Heard> next();
   void read(std::uint32_t file, std::span<const hccm::FilePart> parts);
   void setView(Work& work, const SetView& message, std::uint32_t begun);
   void startPass(Work& work, Pass pass);
@@ -69,9 +83,7 @@ class Worker : public PhotonSharer {
   std::deque<Heard> heard_;
   std::optional<Error> problem_;
   bool stopped_ = false;
-  std::atomic<std::uint32_t> views_{0}, passes_{0};  ///< that have begun, as far as was heard
-  std::atomic<std::uint32_t> passBegun_{0};          ///< of passes_, of the job under way
-  std::map<std::uint64_t, Bytes> parts_;             ///< that were asked for; empty until they come
+  std::map<std::uint64_t, Bytes> parts_;  ///< that were asked for; empty until they come
   std::uint64_t questions_ = 0;
   std::uint32_t view_ = ~0u;             ///< whose photons are shot
   std::optional<PhotonParts> batch_;     ///< that it waits for

@@ -65,7 +65,7 @@ std::optional<ShotPhotons> Worker::shoot(const PhotonBatch& batch, const ShootHe
       Shot message{view_,           job->id,  batch.first,
                    job->first,      job->end, secondsNow() - start,
                    std::move(*shot)};
-      link_.send(0, message);
+      tell(message);
       lock.lock();
       batch_->add(job->first, job->end, std::move(message.photons));
       continue;

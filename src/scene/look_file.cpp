@@ -185,4 +185,16 @@ Look readLook(const std::filesystem::path& path, const Scene& scene, const Look&
   return read(JsonObject(document, place, ""), scene, source, light);
 }
 
+Look parseLook(const std::string& text, const std::string& name, const Scene& scene,
+               const Look& source, LookLight* light) {
+  json document;
+  try {
+    document = json::parse(text);
+  } catch (const json::exception& e) {
+    fail(ExitCode::kInput, "{}: not valid JSON: {:.200}", name, e.what());
+  }
+  const JsonDocument place{name, ""};
+  return read(JsonObject(document, place, ""), scene, source, light);
+}
+
 }  // namespace trex

@@ -42,5 +42,8 @@ void writeLook(const std::filesystem::path& path, const Look& look, const Scene&
 /// throw Error(kInput) with the file and the JSON pointer; at most 64 MiB are read.
 Look readLook(const std::filesystem::path& path, const Scene& scene, const Look& source,
               LookLight* light = nullptr);
+/// Likewise of a text. `name`: for messages.
+Look parseLook(const std::string& text, const std::string& name, const Scene& scene,
+               const Look& source, LookLight* light = nullptr);
 
 }  // namespace trex

@@ -35,17 +35,12 @@ constexpr std::size_t kLargestUnit = 64 * 64;  // pixels of a tile
 constexpr std::uint32_t kLeastBatch = 256, kLargestBatch = 1u << 16;
 constexpr std::uint32_t kLooksOfASample = 8;  // that cost about as much
 
-/// The pixels of a unit of a frame. `looks`: what is known of them; null if nothing is kept.
-void addJobs(const Tile& tile, const TileUnit& unit, const LookImage* looks, SampleBatch& batch) {
-  if (!unit.look && (unit.endCell == lattice::kCells || lattice::spacing(unit.endCell) > 0)) {
-    batch.finishedTiles.push_back(unit.tile);
-  }
-  const bool again = looks != nullptr && unit.look && unit.sample > 0;
+/// Calls `visit(x, y)` with the pixels of a unit of a frame, always in the same order.
+template <typename Visit>
+void eachPixel(const Tile& tile, const TileUnit& unit, const Visit& visit) {
   if (!unit.look && unit.firstCell == 0 && unit.endCell == lattice::kCells) {
     for (std::uint32_t y = 0; y < tile.height; ++y) {
-      for (std::uint32_t x = 0; x < tile.width; ++x) {
-        batch.jobs.push_back({tile.x + x, tile.y + y, unit.sample});
-      }
+      for (std::uint32_t x = 0; x < tile.width; ++x) visit(tile.x + x, tile.y + y);
     }
     return;
   }
@@ -54,15 +49,23 @@ void addJobs(const Tile& tile, const TileUnit& unit, const LookImage* looks, Sam
       for (std::uint32_t cell = unit.firstCell; cell < unit.endCell; ++cell) {
         const lattice::Place at = lattice::kPlaces[cell];
         if (x + at.x >= tile.width || y + at.y >= tile.height) continue;
-        if (again && !looks->wants(tile.x + x + at.x, tile.y + y + at.y, unit.sample)) continue;
-        batch.jobs.push_back({.x = tile.x + x + at.x,
-                              .y = tile.y + y + at.y,
-                              .sample = unit.sample,
-                              .look = unit.look});
-        batch.looks += unit.look;
+        visit(tile.x + x + at.x, tile.y + y + at.y);
       }
     }
   }
+}
+
+/// The pixels of a unit of a frame. `looks`: what is known of them; null if nothing is kept.
+void addJobs(const Tile& tile, const TileUnit& unit, const LookImage* looks, SampleBatch& batch) {
+  if (!unit.look && (unit.endCell == lattice::kCells || lattice::spacing(unit.endCell) > 0)) {
+    batch.finishedTiles.push_back(unit.tile);
+  }
+  const bool again = looks != nullptr && unit.look && unit.sample > 0;
+  eachPixel(tile, unit, [&](std::uint32_t x, std::uint32_t y) {
+    if (again && !looks->wants(x, y, unit.sample)) return;
+    batch.jobs.push_back({.x = x, .y = y, .sample = unit.sample, .look = unit.look});
+    batch.looks += unit.look;
+  });
 }
 
 /// Makes the maps that paths of a batch read. `sampleOf`: its number of an entry.
@@ -97,6 +100,8 @@ TakenSample takenOf(const SampleBatch& batch, std::size_t i) {
           .direct = p.direct,
           .directExact = p.directExact,
           .rays = static_cast<std::uint32_t>(rays.cRays + rays.shadowRays + rays.cones),
+          .cRays = static_cast<std::uint32_t>(rays.cRays + rays.shadowRays),
+          .gRays = static_cast<std::uint32_t>(rays.cones + rays.cacheReads),
           .paired = batch.jobs[i].paired};
 }
 
@@ -115,6 +120,9 @@ void addSample(FrameBuffers& frame, std::uint32_t x, std::uint32_t y, std::uint3
   if (frame.direct && finite) {
     frame.direct->add(x, y, p.direct, p.paired ? &p.directExact : nullptr);
   }
+  if (frame.rayClasses) {
+    frame.rayClasses->add(x, y, static_cast<float>(p.cRays), static_cast<float>(p.gRays));
+  }
   if (frame.dial) frame.dial->add(frame.tiles.tileAt(x, y), p.paired, p.rays);
 }
 
@@ -128,10 +136,6 @@ void addJob(FrameBuffers& frame, const SampleBatch& batch, std::size_t i) {
     return;
   }
   addSample(frame, job.x, job.y, job.sample, takenOf(batch, i));
-  if (!frame.rayClasses) return;
-  const RayCounts& rays = batch.rays[i];
-  frame.rayClasses->add(job.x, job.y, static_cast<float>(rays.cRays + rays.shadowRays),
-                        static_cast<float>(rays.cones + rays.cacheReads));
 }
 
 /// The error of a tile for the order of tiles: of noise once pixels have two samples, before that
@@ -373,13 +377,11 @@ void SampleTaker::add(FrameBuffers& frame, std::span<const TileUnit> units,
                       const TakenSamples& taken) {
   std::size_t i = 0;
   for (const TileUnit& unit : units) {
-    const Tile& tile = frame.tiles.tiles()[unit.tile];
-    for (std::uint32_t y = 0; y < tile.height; ++y) {
-      for (std::uint32_t x = 0; x < tile.width; ++x) {
-        addSample(frame, tile.x + x, tile.y + y, unit.sample, taken.samples[i++]);
-      }
-    }
-    frame.tiles.next();
+    eachPixel(frame.tiles.tiles()[unit.tile], unit, [&](std::uint32_t x, std::uint32_t y) {
+      addSample(frame, x, y, unit.sample, taken.samples[i++]);
+    });
+    frame.tiles.cameBack(unit);
+    if (interactive_) rateTile(frame, unit.tile);
   }
   rays_.add(taken.rays);
 }

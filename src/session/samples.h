@@ -55,12 +55,13 @@ class SampleTaker {
   void take(FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
             const std::function<bool()>& keepGoing, vec2 pointer);
 
-  /// Takes whole samples of units of a capture's frame and adds them to no frame: `out` gets them.
+  /// Takes samples of units of a frame that is swept and adds them to no frame: `out` gets them.
   /// False, and nothing, if keepGoing, asked before each batch, says no.
   bool takeUnits(const FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
                  std::span<const TileUnit> units, const std::function<bool()>& keepGoing,
                  TakenSamples& out);
-  /// Adds samples that were taken so, by whomever: of `units`, the next ones of the frame's tiles.
+  /// Adds samples that were taken so, by whomever: of `units`, which the frame's tiles have next,
+  /// or have lent.
   void add(FrameBuffers& frame, std::span<const TileUnit> units, const TakenSamples& taken);
 
   /// Asked by all threads while paths wait for pages: whether to give up the samples under way,

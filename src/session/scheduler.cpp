@@ -224,6 +224,48 @@ std::optional<TileUnit> TileScheduler::nextBest() {
   return take(*best, unitEnd(*best));
 }
 
+std::optional<TileUnit> TileScheduler::lend() {
+  std::optional<std::uint32_t> best;
+  double most = -1.0;
+  for (const std::uint32_t i : nearest_) {
+    if (waits(i)) continue;
+    // Holes first, in the order of the coarse frame.
+    const double g = states_[i].sample == 0 ? kInfinity : gain(i);
+    if (g <= most) continue;
+    most = g;
+    best = i;
+  }
+  if (!best) return {};
+  TileState& s = states_[*best];
+  s.lent = true;
+  const std::uint32_t first = s.sample == 0 ? std::max(s.cells, kCoarse) : s.cells;
+  return TileUnit{.tile = *best, .sample = s.sample, .firstCell = first, .endCell = kCells};
+}
+
+bool TileScheduler::isReadyFor(const TileUnit& unit) const {
+  const TileState& s = states_[unit.tile];
+  return s.lent && s.sample == unit.sample && s.cells == unit.firstCell;
+}
+
+void TileScheduler::cameBack(const TileUnit& unit) {
+  if (order_ == Order::kSweep) {
+    next();
+    return;
+  }
+  take(unit.tile, kCells);
+  release(unit.tile);
+}
+
+void TileScheduler::releaseAll() {
+  for (TileState& s : states_) s.lent = false;
+}
+
+std::uint32_t TileScheduler::freeTiles() const {
+  std::uint32_t count = 0;
+  for (std::uint32_t i = 0; i < states_.size(); ++i) count += waits(i) ? 0 : 1;
+  return count;
+}
+
 /// What one more sample takes off the tile's error, weighed by how near the viewer looks.
 double TileScheduler::gain(std::uint32_t tile) const {
   const TileState& s = states_[tile];

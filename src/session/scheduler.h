@@ -34,6 +34,7 @@ struct TileState {
   float error = 1.0f;           ///< of noise and contrast as it is now, relative
   std::uint8_t looks = 0;       ///< rounds of them: see TileScheduler::setLooks()
   std::uint32_t lookFrame = 0;  ///< frame of the last one
+  bool lent = false;            ///< its next sample is taken elsewhere: TileScheduler::lend()
   double progress() const { return sample + cells / 64.0; }
 };
 
@@ -59,6 +60,23 @@ class TileScheduler {
   /// What to do next; it counts as done. Nothing if every tile stands at the barrier.
   std::optional<TileUnit> next();
   void setError(std::uint32_t tile, float error) { states_[tile].error = error; }
+
+  // Samples that are taken elsewhere, of the viewer's tiles.
+
+  /// What is left of the next sample of a tile, where that gains most; of the first one what comes
+  /// after the coarse frame. Until it comes back or is released the tile gets nothing else but the
+  /// coarse frame and looks. Nothing if no tile is left.
+  std::optional<TileUnit> lend();
+  /// Whether a tile has all that comes before such a unit.
+  bool isReadyFor(const TileUnit& unit) const;
+  /// A unit that was lent is in the sums; or, of a sweep, the next one.
+  void cameBack(const TileUnit& unit);
+  /// A unit will not come back.
+  void release(std::uint32_t tile) { states_[tile].lent = false; }
+  void releaseAll();
+  /// Tiles that may get samples here.
+  std::uint32_t freeTiles() const;
+
   /// So many looks at a pixel; 0: none. The first round of a tile is at every second pixel of every
   /// second row, the next at the others, those after that a further look each where it tells more.
   void setLooks(std::uint32_t most) { looks_ = most == 0 ? 0 : most + 1; }
@@ -97,7 +115,9 @@ class TileScheduler {
   std::optional<TileUnit> nextBest();
   double gain(std::uint32_t tile) const;
   std::uint32_t unitEnd(std::uint32_t tile) const;
-  bool waits(std::uint32_t tile) const { return states_[tile].sample >= barrier_; }
+  bool waits(std::uint32_t tile) const {
+    return states_[tile].sample >= barrier_ || states_[tile].lent;
+  }
 
   std::vector<Tile> tiles_;
   Order order_;

@@ -105,11 +105,7 @@ void Session::perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer
   switch (work.kind) {
     case Work::Kind::kSamples:
       frame_->tiles.setBarrier(work.barrier);
-      if (sharer_) {
-        sharer_->take(*this, going);
-      } else {
-        samples_.take(*frame_, source_, light_, going, pointer);
-      }
+      takeSamples(going, pointer);
       if (frame_->dial) frame_->dial->look(frame_->tiles.tiles(), samplesDone(), frame_->sums);
       keepTimeFree();
       lookAtGoal();
@@ -127,6 +123,15 @@ void Session::perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer
   }
   ++turn_;
   time();
+}
+
+/// Samples of the frame, by whoever takes them.
+void Session::takeSamples(const KeepGoing& keepGoing, vec2 pointer) {
+  if (sharer_) return sharer_->take(*this, keepGoing);
+  if (helper_) helper_->exchange(*this, keepGoing);
+  do {
+    samples_.take(*frame_, source_, light_, keepGoing, pointer);
+  } while (helper_ && keepGoing() && helper_->await(*this, keepGoing));
 }
 
 /// Samples at which the dial or the goal looks at the sums.
@@ -159,9 +164,11 @@ void Session::lookAtGoal() {
 void Session::shootPhotons(std::uint64_t photons, const KeepGoing& keepGoing) {
   const bool first = light_.state() == VoxelLight::State::kShooting;
   if (sharer_) sharer_->lightComes(*this, photons);
+  if (helper_) helper_->lightComes(*this, photons);
   const LightCache* before = light_.cache();
   if (!light_.shoot(photons, keepGoing) || !first) return;
   frame_->restart(preview_ && preview_->looks ? preview_.get() : nullptr);
+  ++frameNumber_;
   if (light_.cache() != before) makeSources();
 }
 
@@ -212,6 +219,7 @@ void Session::makeFrames() {
         TileScheduler(makeTiles(width, height, kTileSize), order, width, height));
   };
   frame_ = make(settings_.interactive ? Order::kPerception : Order::kSweep);
+  ++frameNumber_;
   if (settings_.dial) {
     frame_->dial =
         std::make_unique<Dial>(frame_->tiles.tiles().size(), pixels(),

@@ -5,7 +5,8 @@
 //   state     plain numbers: how far the light and the frame are (plan.h)
 //   plan      what comes next, of four kinds
 //   perform   kSamples   rays of some pixels are traced, what they bring is added up (samples.h);
-//                        with several machines by whoever has time (SampleSharer)
+//                        with several machines by whoever has time (SampleSharer; of the
+//                        viewer's SampleHelper)
 //             kPhotons   more photons are shot for the light that samples read (voxel_light.h)
 //             kLight     after an edit: voxels, device, photons are made ready, one of it at a time
 //             kPreview   samples of the preview, read from the light of before
@@ -45,6 +46,7 @@
 #include "src/session/goal.h"
 #include "src/session/model.h"
 #include "src/session/plan.h"
+#include "src/session/sample_helper.h"
 #include "src/session/samples.h"
 #include "src/session/settings.h"
 #include "src/session/shown_picture.h"
@@ -134,7 +136,7 @@ class Session {
   /// frame so far goes on as the preview until they are there.
   bool aimAgain();
 
-  // With other machines, of captures: session_shared.cpp.
+  // With other machines: session_shared.cpp.
 
   /// From now on the frame's samples are this one's to take, and photons to shoot; it outlives the
   /// session's work. To be called before the first work.
@@ -144,17 +146,29 @@ class Session {
   }
   /// Photons alone.
   void sharePhotons(PhotonSharer* sharer) { light_.share(sharer); }
+  /// From now on others take samples of the frame, too; of the viewer's. Null: no longer.
+  void helpBy(SampleHelper* helper);
+  /// A unit of the frame that someone else takes: see TileScheduler::lend().
+  std::optional<TileUnit> lend() { return frame_->tiles.lend(); }
+  void release(const TileUnit& unit) { frame_->tiles.release(unit.tile); }
+  /// Grows when the frame begins anew: units of before are void.
+  std::uint32_t frameNumber() const { return frameNumber_; }
+  /// Samples read the light that there is now.
+  bool readsLight() const;
+  /// Photons start anew, aimed as another session's.
+  void startLight(const std::optional<Camera>& aim);
   /// The light that samples read, of so many photons; nothing where none is read. False if
   /// keepGoing said no.
   bool makeLight(std::uint64_t photons, const KeepGoing& keepGoing);
   /// Takes whole samples of tiles as if they were the frame's next, and adds them to no frame.
   /// False, and nothing, if keepGoing says no.
   bool takeUnits(std::span<const TileUnit> units, const KeepGoing& keepGoing, TakenSamples& out);
-  /// Adds such samples to the frame, whose tiles have them next.
+  /// Adds such samples to the frame, whose tiles have them next, or have lent them.
   void addTaken(std::span<const TileUnit> units, const TakenSamples& taken);
   /// Shares of exact samples by tile that the dial has chosen; none without a dial.
   std::vector<double> tileShares() const;
   void setTileShares(std::span<const double> shares);
+  void setTileShare(std::size_t tile, double share) { frame_->dial->setShare(tile, share); }
   /// What the frame keeps of a sample.
   const FrameBuffers& buffers() const { return *frame_; }
   /// Paths that wait for pages together, which is why they had better be taken together; 0 where
@@ -210,6 +224,7 @@ class Session {
   void perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer);
   void renewLight();
   void lookAtGoal();
+  void takeSamples(const KeepGoing& keepGoing, vec2 pointer);
   void keepTimeFree();
   bool corrected() const;
   std::uint32_t nextLook() const;
@@ -250,6 +265,8 @@ class Session {
   std::unique_ptr<FrameBuffers> frame_, preview_;  ///< preview_: the viewer's alone
   SampleSource source_, previewSource_;
   SampleSharer* sharer_ = nullptr;  ///< not ours
+  SampleHelper* helper_ = nullptr;  ///< likewise
+  std::uint32_t frameNumber_ = 0;
 };
 
 }  // namespace trex

@@ -31,9 +31,11 @@ void Session::follow(const Invalidation& what, const Camera& camera) {
 
 void Session::restartFrames() {
   frame_->restart();
+  ++frameNumber_;
+  goal_.restart();
+  if (!preview_) return;
   preview_->restart();
   preview_->showAs(nullptr, 0);
-  goal_.restart();
 }
 
 void Session::resize(std::uint32_t width, std::uint32_t height) {
@@ -66,7 +68,9 @@ bool Session::aimAgain() {
   std::swap(frame_, preview_);
   std::swap(frame_->dial, preview_->dial);
   frame_->showAs(preview_.get(), kLooks);
+  preview_->tiles.releaseAll();  // what was lent is the frame's of before
   frame_->restart(preview_.get());
+  ++frameNumber_;
   goal_.restart();
   makeSources();
   return true;

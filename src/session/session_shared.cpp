@@ -3,6 +3,21 @@
 
 namespace trex {
 
+void Session::helpBy(SampleHelper* helper) {
+  helper_ = helper;
+  frame_->tiles.releaseAll();
+}
+
+bool Session::readsLight() const {
+  const SessionState s = state();
+  return s.guesses && s.light == VoxelLight::State::kReady;
+}
+
+void Session::startLight(const std::optional<Camera>& aim) {
+  if (aim) light_.aimAt(*aim);
+  light_.invalidate(VoxelLight::State::kPhotons);
+}
+
 bool Session::makeLight(std::uint64_t photons, const KeepGoing& keepGoing) {
   while (awaitsLight(state()) && light_.state() != VoxelLight::State::kShooting) renewLight();
   if (light_.state() == VoxelLight::State::kAbsent || light_.photons() >= photons) return true;

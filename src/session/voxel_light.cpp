@@ -67,6 +67,7 @@ void VoxelLight::renew(const Model& model, const WalkTracer& walks, const LightS
 void VoxelLight::start(const Model& model, const WalkTracer& walks, const LightSet& lights,
                        const CameraRays& aim, std::uint32_t width, std::uint32_t height) {
   Side& side = present_;
+  ++number_;
   side.device->resetFlux();
   const bool rays =
       kind_ == PhotonKind::kRay || (kind_ == PhotonKind::kAuto && side.device->sharesHostCores());

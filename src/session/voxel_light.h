@@ -73,6 +73,8 @@ class VoxelLight {
   /// Photons that the cached light knows of; 0: none is ready.
   std::uint64_t photons() const { return present_.pass ? present_.pass->resolved() : 0; }
   bool guided() const { return present_.pass && present_.pass->guided(); }
+  /// How often photons have started anew: the same number, the same light.
+  std::uint32_t number() const { return number_; }
   /// How captures repeat this light: RenderSettings::photons and aim.
   std::uint64_t leastPhotons() const { return leastPhotons_; }
   const std::optional<Camera>& aim() const { return aim_; }
@@ -114,6 +116,7 @@ class VoxelLight {
   std::uint32_t seed_;
   PhotonKind kind_;
   std::uint64_t leastPhotons_;
+  std::uint32_t number_ = 0;
   std::optional<Camera> aim_;  ///< where photons from outside are aimed; none: the view
   State state_ = State::kAbsent;
   Side present_, before_;  ///< before_: of other voxels, while present_ has no light yet

@@ -21,7 +21,7 @@
 namespace trex {
 
 /// What a step waits for.
-enum class ReplayWait { kNothing, kShown, kReady, kIdle };
+enum class ReplayWait { kNothing, kShown, kReady, kMachines, kIdle };
 
 struct ReplayStep {
   std::string label;  ///< of the report; else what the step changes: "camera", "material", ...

@@ -102,7 +102,8 @@ void readWindow(const JsonObject& o, ReplayStep& step) {
 
 void readActions(const JsonObject& o, ReplayStep& step) {
   if (o.has("wait")) {
-    step.wait = static_cast<ReplayWait>(1 + o.oneOf("wait", {"shown", "ready", "idle"}));
+    step.wait =
+        static_cast<ReplayWait>(1 + o.oneOf("wait", {"shown", "ready", "machines", "idle"}));
   }
   if (o.has("frames")) step.frames = static_cast<std::uint32_t>(o.integer("frames", 0, 1000000));
   if (o.has("seconds")) step.seconds = o.number("seconds", 0.0, kMostSeconds);

@@ -81,6 +81,7 @@ void Viewer::resize(std::uint32_t width, std::uint32_t height) {
   s.width = width;
   s.height = height;
   if (!impl_->session) return;
+  impl_->tellHelper();
   impl_->session->resize(width, height);
   if (impl_->exact) impl_->exact->resize(width, height);
   impl_->restartFrame(false);
@@ -147,6 +148,7 @@ void Viewer::Impl::openingFailed(std::exception_ptr problem) {
 
 void Viewer::Impl::takeMeshes(std::shared_ptr<Model> model, const ModelOptions& made) {
   exact.reset();
+  if (session) leaveHelper();
   session.reset();
   editor.reset();
   state = ViewState{};
@@ -170,11 +172,27 @@ void Viewer::Impl::takeMeshes(std::shared_ptr<Model> model, const ModelOptions& 
   session = std::make_unique<Session>(editor->shared(), first.camera, settings,
                                       viewerLayers(settings.dial));
   session->beforeLight([this] { editor->updateVoxelValues(); });
+  session->helpBy(options.helper);
   if (made.voxels) session->voxelsAreComing();
   phase = made.voxels ? OpenPhase::kVoxels : OpenPhase::kReady;
   message = made.voxels ? "Building voxels" : "";
   shownLook = first;
+  tellHelper();
   restartFrame(false);
+}
+
+/// Other machines follow what is shown from now on.
+void Viewer::Impl::tellHelper() {
+  if (options.helper == nullptr) return;
+  options.helper->edited(lookText(history->current(), editor->model().scene, editor->source()),
+                         options.settings.width, options.settings.height);
+}
+
+/// They have the first model alone.
+void Viewer::Impl::leaveHelper() {
+  if (options.helper == nullptr) return;
+  logWarning("the other machines have another model open; going on without them");
+  options.helper = nullptr;
 }
 
 void Viewer::Impl::takeSourceVoxels(std::shared_ptr<asvo::Tree> tree,
@@ -257,6 +275,7 @@ void Viewer::Impl::applyLook() {
     wantVoxels = true;
   }
   if (all.frame) {
+    tellHelper();
     session->follow(all, look.camera);
     if (exact) exact->follow(all, look.camera);
     restartFrame(false);

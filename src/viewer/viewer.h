@@ -38,6 +38,8 @@ struct ViewerOptions {
   double budgetSeconds = 0.033;      ///< of a step
   bool useStale = false;
   bool recovery = true;  ///< keep unsaved edits in a recovery file
+  /// Other machines that have `input`, too; it outlives the viewer. Null: none.
+  SampleHelper* helper = nullptr;
 };
 
 /// What the screen shows.
@@ -113,7 +115,8 @@ struct ViewerFigures {
   std::string device;
   int voxelDepth = 0;
   bool converged = false;
-  std::uint32_t tiles = 0, longestWait = 0;  ///< frames since the tile served longest ago was
+  std::uint32_t machines = 0, readyMachines = 0;  ///< besides this one: SampleHelper
+  std::uint32_t tiles = 0, longestWait = 0;       ///< frames since the tile served longest ago was
 };
 
 class Viewer {

@@ -70,6 +70,10 @@ ViewerFigures Viewer::figures() const {
   f.residentBytes = residentBytes();
   if (!m.session) return f;
   f.session = m.session->report();
+  if (m.options.helper != nullptr) {
+    f.machines = m.options.helper->machines();
+    f.readyMachines = m.options.helper->readyMachines();
+  }
   const SessionReport& r = f.session;
   const FrameBuffers& frame = m.session->shownFrame();
   f.device = r.device;

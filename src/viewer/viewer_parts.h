@@ -87,6 +87,8 @@ struct Viewer::Impl {
   void takeMeshes(std::shared_ptr<Model> model, const ModelOptions& made);
   void takeSourceVoxels(std::shared_ptr<asvo::Tree> tree, std::unique_ptr<GRayTracer> device);
   void rebuildVoxels();
+  void tellHelper();
+  void leaveHelper();
   bool idle() const;
   bool exactRests() const;
   bool restyled() const;

@@ -5,8 +5,13 @@
                 [--model FILE] [--by-machine]
     machines.py --trex build/trex --kill FOLDER [--triangles 1e6] [--share 0.4] [--runs 3]
 
-The latter, with the Open MPI 5 of scripts/openmpi5 FOLDER: four processes with a share of the cores each, undisturbed and with one
+    machines.py --trex build/trex --window [--megabits 100] [--share 0.4] [--triangles 1e6] [--runs 3]
+
+The second, with the Open MPI 5 of scripts/openmpi5 FOLDER: four processes with a share of the cores each, undisturbed and with one
 killed at half time, in turn (no links: all on this machine).
+
+The third: a window by itself, and one with a server (trex worker) at the other end of a link, in turn: edit to coarse frame, and to a
+picture of so many samples. Needs Xvfb.
 
 Prints for each number of machines how long the same picture takes, and what travelled: central scene database (only machine 0 has
 the model, the others start with nothing) and local copies. All pictures must have the same bytes. Leaves nothing behind."""
@@ -67,15 +72,18 @@ class Machines:
         call("ip", "netns", "del", NAME, check=False)
 
     def run(self, trex, arguments):
+        return json.loads(self.call(self.count, [trex, "render", *arguments]))
+
+    def call(self, count, program):
         network = "10.77.0.0/24"
-        mpi = ["mpirun", "--allow-run-as-root", "--bind-to", "none", "--hostfile", os.path.join(self.folder, "hosts"), "-n", self.count,
+        mpi = ["mpirun", "--allow-run-as-root", "--bind-to", "none", "--hostfile", os.path.join(self.folder, "hosts"), "-n", count,
                "--mca", "plm_rsh_agent", self.agent, "--mca", "btl", "tcp,self", "--mca", "btl_tcp_if_include", network,
                "--mca", "oob_tcp_if_include", network]
-        command = " ".join(f"'{x}'" for x in [*mpi, trex, "render", *arguments])
+        command = " ".join(f"'{x}'" for x in [*mpi, *program])
         p = subprocess.run([self.agent, "10.77.0.1", command], capture_output=True, text=True)
         if p.returncode != 0:
             sys.exit(f"{command}\nended with {p.returncode}:\n{p.stderr}")
-        return json.loads(p.stdout)
+        return p.stdout
 
 
 class Killed:
@@ -137,6 +145,57 @@ def kill_one(a, trex, folder, job):
         killed.remove()
 
 
+def window(a, trex, folder, model):
+    """What a server at the other end of a link does for a window."""
+    kinds = {
+        "camera": lambda i: {"camera": {"orbit": [0.04 * (1 - 2 * (i % 2)), 0.01]}},
+        "material": lambda i: {"material": {"index": 0, "roughness": 0.2 + 0.05 * (i % 10), "base_color": [0.5, 0.05 * (i % 20), 0.4, 1]}},
+        "light": lambda i: {"light": {"add": True, "name": "bar", "position": [0, 1, 0], "intensity": [1, 1, 1]} if i == 0 else
+                            {"name": "bar", "intensity": [0.5 + 0.2 * i] * 3}},
+    }
+    steps = [{"wait": "machines"}, {"wait": "ready", "frames": 5}]
+    steps += [{"label": kind, **edit(i), "frames": 3} for kind, edit in kinds.items() for i in range(a.edits)]
+    steps += [{"label": "settle", "material": {"index": 0, "roughness": 0.4}}, {"label": "settle", "wait": "idle"}]
+    script, report = os.path.join(folder, "script.json"), os.path.join(folder, "report.json")
+    with open(script, "w") as f:
+        json.dump({"trex": 1, "size": a.size, "steps": steps}, f)
+    view = [trex, "view", model, "--replay", script, "--report", report, "--device", "none", "--exact", a.exact, "--spp", a.spp,
+            "--threads", 1, "-q"]
+    reading, writing = os.pipe()
+    xvfb = subprocess.Popen(["Xvfb", "-displayfd", str(writing), "-screen", "0", "1280x720x24", "-nolisten", "tcp"], pass_fds=[writing],
+                            stderr=subprocess.DEVNULL)
+    os.close(writing)
+    machines = None
+    try:
+        with os.fdopen(reading) as pipe:
+            os.environ["DISPLAY"] = ":" + pipe.readline().strip()
+        for megabits in a.megabits.split(","):
+            machines = Machines(2, megabits, a.share, folder)
+            coarse, settled, samples = {}, {}, 0
+            for run in range(a.runs):
+                for who, servers in (("alone", []), ("served", [":", "-n", 1, trex, "worker", "--threads", 1])):
+                    machines.call(1, [*view, *servers])
+                    with open(report) as f:
+                        said = json.load(f)
+                    for step in said["steps"]:
+                        if step["label"] in kinds:
+                            coarse.setdefault((who, step["label"]), []).append(step["first_coarse_ms"])
+                    settled.setdefault(who, []).append(sum(step["seconds"] for step in said["steps"] if step["label"] == "settle"))
+                    samples = said["machines"][1]["samples"] if servers else samples
+            machines.remove()
+            for kind in kinds:
+                ms = {who: statistics.median(coarse[who, kind]) for who in ("alone", "served")}
+                print(f"{megabits:>4} Mbit  {kind:>8}: edit to coarse frame {ms['alone']:6.1f} ms alone, {ms['served']:6.1f} ms with a server "
+                      f"(bar 67), medians of {len(coarse['alone', kind])}", flush=True)
+            seconds = {who: statistics.median(s) for who, s in settled.items()}
+            print(f"{megabits:>4} Mbit  edit to {a.spp} samples: {seconds['alone']:.2f} s alone, {seconds['served']:.2f} s with a server, "
+                  f"{seconds['alone'] / seconds['served']:.2f}x; {samples} samples by the server in the last run", flush=True)
+    finally:
+        if machines:
+            machines.remove()
+        xvfb.terminate()
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trex", required=True)
@@ -151,6 +210,8 @@ def main():
     parser.add_argument("--model", help="a bundle that is there already, in place of --triangles")
     parser.add_argument("--by-machine", action="store_true", help="what each machine's time went into")
     parser.add_argument("--kill", help="folder of scripts/openmpi5: what a death costs")
+    parser.add_argument("--window", action="store_true", help="a window and a server")
+    parser.add_argument("--edits", type=int, default=20, help="of a window, of each class")
     parser.add_argument("--runs", type=int, default=1, help="medians of so many")
     a = parser.parse_args()
     if os.geteuid() != 0 or not os.access(CPU, os.W_OK) or not all(map(shutil.which, ("mpirun", "ip", "tc", "unshare"))):
@@ -169,6 +230,10 @@ def main():
         model = os.path.abspath(a.model) if a.model else os.path.join(folder, "model.trex")
         if not a.model:
             call(trex, "bake", f"synth:assembly?triangles={a.triangles}&seed=3", "-o", model, "--stream", "-q")
+        if a.window:
+            print(f"{a.model or a.triangles + ' triangles'}; window {a.size}, {a.spp} samples, --exact {a.exact}; each machine {a.share} of a core")
+            window(a, trex, folder, model)
+            return 0
         pages = json.loads(call(trex, "info", model, "--json").stdout)["mesh_pages"]
         cache = max(int(pages["memory_bytes"] * a.cache), pages["largest_page_bytes"] + 8192)
         print(f"{a.model or a.triangles + ' triangles'}, {os.path.getsize(model) / 1e6:.1f} MB; {a.size}, {a.spp} samples, --exact {a.exact}; each machine "

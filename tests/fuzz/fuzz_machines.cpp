@@ -8,6 +8,7 @@
 #include "src/machines/messages.h"
 #include "src/machines/photon_parts.h"
 #include "src/machines/sample_bytes.h"
+#include "src/machines/server.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {
@@ -46,6 +47,10 @@ void readPhotons(const M& some) {
     const std::uint64_t number = r.index & (trex::shaderio::kPhotonNumbers - 1);
     require(number >= some.first && number < some.end);
   }
+}
+
+void readArguments(const Serve& serve) {
+  require(joinArguments(splitArguments(serve.arguments)) == serve.arguments);
 }
 
 void read(ByteView message, std::uint32_t contents, std::size_t count) {
@@ -102,6 +107,21 @@ void read(ByteView message, std::uint32_t contents, std::size_t count) {
     case Kind::kPart:
       readAndWrite<Part>(message, body);
       break;
+    case Kind::kLit:
+      readAndWrite<Lit>(message, body);
+      break;
+    case Kind::kServe:
+      readArguments(readAndWrite<Serve>(message, body));
+      break;
+    case Kind::kEdit:
+      readAndWrite<Edit>(message, body);
+      break;
+    case Kind::kAim:
+      readAndWrite<Aim>(message, body);
+      break;
+    case Kind::kLent:
+      readAndWrite<Lent>(message, body);
+      break;
     case Kind::kPong:
     case Kind::kBye:
     case Kind::kRest:
@@ -116,7 +136,7 @@ void read(ByteView message, std::uint32_t contents, std::size_t count) {
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size < kBefore) return 0;
   try {
-    read(std::as_bytes(std::span(data, size)).subspan(kBefore), data[0] & 63u, data[1]);
+    read(std::as_bytes(std::span(data, size)).subspan(kBefore), data[0] & 127u, data[1]);
   } catch (const MessageError&) {
     // Expected.
   }
@@ -129,7 +149,7 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
   if (size < kBefore + kHeadBytes || seed % 16 == 0) return size;
   std::uint16_t kind = 0;
   std::memcpy(&kind, data + kBefore + 4, sizeof(kind));
-  kind = static_cast<std::uint16_t>(1 + kind % static_cast<unsigned>(Kind::kStop));
+  kind = static_cast<std::uint16_t>(1 + kind % static_cast<unsigned>(Kind::kLent));
   Bytes message(size - kBefore);
   std::memcpy(message.data(), data + kBefore, message.size());
   writeHead(static_cast<Kind>(kind), message);

@@ -275,6 +275,8 @@ std::vector<TakenSample> someSamples(std::size_t count) {
          .direct = next(),
          .directExact = next(),
          .rays = static_cast<std::uint32_t>(random()),
+         .cRays = static_cast<std::uint32_t>(random()),
+         .gRays = static_cast<std::uint32_t>(random()),
          .paired = random() % 3 == 0};
   }
   return samples;
@@ -282,7 +284,7 @@ std::vector<TakenSample> someSamples(std::size_t count) {
 
 TEST(SampleBytes, KeepWhatTheFrameKeeps) {
   const auto samples = someSamples(29);
-  for (std::uint32_t contents = 0; contents < 64; ++contents) {
+  for (std::uint32_t contents = 0; contents < 128; ++contents) {
     const Bytes bytes = packSamples(samples, contents);
     EXPECT_LE(bytes.size(), mostBytesOf(contents, samples.size()));
     const auto back = unpackSamples(bytes, contents, samples.size());
@@ -301,6 +303,7 @@ TEST(SampleBytes, KeepWhatTheFrameKeeps) {
       EXPECT_TRUE(!(contents & kDirect) || a.direct == b.direct);
       EXPECT_TRUE(!(contents & kDirect) || !b.paired || a.directExact == b.directExact);
       EXPECT_TRUE(!(contents & kRays) || a.rays == b.rays);
+      EXPECT_TRUE(!(contents & kRayClasses) || (a.cRays == b.cRays && a.gRays == b.gRays));
     }
     for (std::size_t length = 0; length < bytes.size(); ++length) {
       EXPECT_THROW(unpackSamples(ByteView(bytes).first(length), contents, samples.size()),

@@ -49,20 +49,25 @@ class Machines(ProgramTest):
     def test_a_device_that_is_lost_does_not_change_the_picture(self):
         if not has_mpi():
             self.skipTest("no mpirun, or a build without MPI")
-        job = ["render", self.cornell, "--size", "64x64", "--spp", 16, "--denoise", "off", "--guess", "cone", "--threads", 1]
-        one, out = self.path("one.exr"), self.path("out.exr")
-        self.assertEqual(program.run(*job, "-o", one).returncode, 0)
-        trex = [program._trex, *map(str, job), "-o", out, "--json"]
-        command = list(MPIRUN)
-        for i in (0, 1):
-            fails = ["env", "TREX_FAIL_SUBMIT=3"] if i == 0 else []
-            command += [":"] * i + ["-n", "1", *fails, *trex]
-        p = subprocess.run(command, capture_output=True, text=True, timeout=120, env=self.environment)
-        self.assertEqual(p.returncode, 0, p.stderr)
-        self.assertIn("going on with the C++ tracer", p.stderr)
-        self.assertIn(", then cpu", json.loads(p.stdout)["device"])
-        diff = program.run("diff", out, one, "--metric", "flip", "--max", 0.001)
-        self.assertEqual(diff.returncode, 0, diff.stdout)
+        for loser, spp in ((0, 16), (1, 48)):
+            with self.subTest(loser=loser):
+                job = ["render", self.cornell, "--size", "64x64", "--spp", spp, "--denoise", "off", "--guess", "cone", "--threads", 1]
+                one, out = self.path("one.exr"), self.path("out.exr")
+                self.assertEqual(program.run(*job, "-o", one).returncode, 0)
+                trex = [program._trex, *map(str, job), "-o", out, "--json", "--scene-db", "local"]
+                command = list(MPIRUN)
+                for i in (0, 1):
+                    fails = ["env", "TREX_FAIL_SUBMIT=3"] if i == loser else []
+                    command += [":"] * i + ["-n", "1", *fails, *trex]
+                p = subprocess.run(command, capture_output=True, text=True, timeout=120, env=self.environment)
+                self.assertEqual(p.returncode, 0, p.stderr)
+                report = json.loads(p.stdout)
+                self.assertIn(", then cpu", report["device"])
+                for i, machine in enumerate(report["machines"]):
+                    self.assertEqual(", then cpu" in machine["device"], i == loser, machine)
+                self.assertIn(b", then cpu", self.read("out.exr")[:8192])  # the picture's metadata
+                diff = program.run("diff", out, one, "--metric", "flip", "--max", 0.001)
+                self.assertEqual(diff.returncode, 0, diff.stdout)
 
     def together(self, processes, *arguments, code=0, says="", **how):
         p = subprocess.run(self.command(processes, *arguments, **how), capture_output=True, text=True, timeout=120,

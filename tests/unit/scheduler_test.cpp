@@ -87,6 +87,52 @@ std::uint32_t longestWait(std::uint32_t width, std::uint32_t height, int unitsAF
   return longest;
 }
 
+TEST(TileScheduler, WhatIsLentIsTakenNowhereElse) {
+  TileScheduler s = make(TileScheduler::Order::kPerception, 200, 136);
+  s.setBarrier(2);
+  s.beginFrame(vec2(0.2f, 0.7f), 512);
+  const auto first = s.lend(), second = s.lend();
+  ASSERT_TRUE(first && second);
+  EXPECT_NE(first->tile, second->tile);
+  EXPECT_EQ(first->firstCell, 16u);  // the coarse frame is the window's
+  EXPECT_EQ(first->endCell, 64u);
+  EXPECT_FALSE(s.isReadyFor(*first));
+  EXPECT_EQ(s.freeTiles(), s.tiles().size() - 2);
+  const auto takeAll = [&] {
+    for (int frame = 0; frame < 1000; ++frame) {
+      s.beginFrame(vec2(0.2f, 0.7f), 512);
+      while (s.next()) continue;
+    }
+  };
+  takeAll();
+  EXPECT_FALSE(s.atBarrier());
+  EXPECT_EQ(s.freeTiles(), 0u);
+  EXPECT_FALSE(s.lend());
+  EXPECT_EQ(s.coarseCells(), 16u);
+  EXPECT_EQ(s.longestWait(), 0u);  // it is not ours to serve
+  ASSERT_TRUE(s.isReadyFor(*first));
+  s.cameBack(*first);
+  EXPECT_EQ(s.state(first->tile).sample, 1u);
+  EXPECT_FALSE(s.isReadyFor(*first));
+  const auto third = s.lend();  // of the same tile: the only one
+  ASSERT_TRUE(third);
+  EXPECT_EQ(third->tile, first->tile);
+  EXPECT_EQ(third->sample, 1u);
+  EXPECT_EQ(third->firstCell, 0u);
+  s.cameBack(*third);
+  EXPECT_EQ(s.state(first->tile).sample, 2u);
+  s.release(second->tile);  // taken here after all
+  takeAll();
+  EXPECT_TRUE(s.atBarrier());
+  s.setBarrier(3);
+  ASSERT_TRUE(s.lend());
+  s.releaseAll();
+  EXPECT_EQ(s.freeTiles(), s.tiles().size());
+  ASSERT_TRUE(s.lend());
+  s.restart();
+  EXPECT_EQ(s.freeTiles(), s.tiles().size());
+}
+
 TEST(TileScheduler, NoTileWaitsLongerThanPromised) {
   // As many units a frame as the share of those that wait needs: tiles / 16, and the best ones.
   EXPECT_LE(longestWait(640, 360, 10), TileScheduler::kMostFrames);

@@ -1,4 +1,7 @@
 // trex-view: the window of `trex view`, a program of its own.
+#include <unistd.h>
+
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <iostream>
@@ -6,11 +9,13 @@
 
 #include "src/app/view/loop.h"
 #include "src/app/view/replay_runner.h"
+#include "src/app/view/servers.h"
 #include "src/app/view/view_arguments.h"
 #include "src/core/error.h"
 #include "src/core/file.h"
 #include "src/core/log.h"
 #include "src/core/threads.h"
+#include "src/machines/mpi_wire.h"
 #include "src/vulkan/vulkan.h"
 
 namespace {
@@ -31,6 +36,21 @@ void writeReport(const nlohmann::ordered_json& report, const std::filesystem::pa
   });
 }
 
+/// What other machines did; the window's own samples are not counted.
+nlohmann::ordered_json machineRows(const trex::machines::Servers& servers) {
+  nlohmann::ordered_json out = nlohmann::ordered_json::array();
+  for (const trex::machines::MachineRow& row : servers.rows()) {
+    out.push_back({{"host", row.host},
+                   {"threads", row.threads},
+                   {"device", row.device},
+                   {"samples", row.work.units},
+                   {"processor_seconds", row.times.processor},
+                   {"model_bytes_sent", row.servedBytes},
+                   {"peak_resident_bytes", row.peakBytes}});
+  }
+  return out;
+}
+
 /// The window was closed; whether it ever showed the model that was asked for. Why not was said.
 int closingCode(const trex::Viewer& viewer, int code) {
   if (code != 0 || viewer.phase() != trex::OpenPhase::kFailed) return code;
@@ -47,7 +67,8 @@ void checkInputs(const trex::ViewArguments& a) {
   if (!a.report.empty()) trex::checkWritable(a.report);
 }
 
-int view(trex::ViewArguments& a, Clock::time_point started) {
+int view(trex::ViewArguments& a, Clock::time_point started, trex::machines::Servers* servers,
+         const std::vector<std::string>& arguments) {
   const bool replays = !a.replay.empty();
   trex::ReplayScript script;
   if (replays) {
@@ -61,6 +82,8 @@ int view(trex::ViewArguments& a, Clock::time_point started) {
       {.width = a.width, .height = a.height, .visible = !replays || script.visible});
   a.viewer.settings.width = std::max(a.width / static_cast<std::uint32_t>(a.scale), 1u);
   a.viewer.settings.height = std::max(a.height / static_cast<std::uint32_t>(a.scale), 1u);
+  if (servers != nullptr) trex::welcomeServers(*servers, a, arguments);
+  a.viewer.helper = servers;
   trex::Viewer viewer(a.viewer);
   trex::UiOptions options;
   options.screenshotFolder = a.screenshotFolder;
@@ -72,7 +95,9 @@ int view(trex::ViewArguments& a, Clock::time_point started) {
   if (!replays) return closingCode(viewer, loop.run());
   trex::ReplayRunner runner(script, loop, viewer, window, ui, a.viewer.budgetSeconds, started);
   const int code = runner.run();
-  writeReport(runner.report(), a.report);
+  nlohmann::ordered_json report = runner.report();
+  if (servers != nullptr) report["machines"] = machineRows(*servers);
+  writeReport(report, a.report);
   return code;
 }
 
@@ -81,11 +106,16 @@ int run(int argc, char** argv) {
   trex::ViewArguments a = trex::readViewArguments(argc, argv);
   if (a.help) return 0;
   const trex::ThreadLimit limit(a.threads);
-  const int code = view(a, started);
+  const auto servers = trex::startServers();
+  const int code = view(a, started, servers.get(), {argv + 1, argv + argc});
+  if (servers) servers->finish(code);
   const auto messages = trex::Window::validationMessages() + trex::vulkan::validationMessages();
-  if (messages == 0) return code;
-  trex::logError("the validation layer had {} things to say, see above", messages);
-  return static_cast<int>(trex::ExitCode::kFailed);
+  if (messages > 0)
+    trex::logError("the validation layer had {} things to say, see above", messages);
+  const int last = messages == 0 ? code : static_cast<int>(trex::ExitCode::kFailed);
+  if (!servers || !trex::machines::mpiEndsUncleanly()) return last;
+  std::fflush(nullptr);
+  ::_exit(last);
 }
 
 }  // namespace

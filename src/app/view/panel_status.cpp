@@ -49,6 +49,9 @@ void statusPanel(Ui& ui) {
   figure("C-rays", rate(f.cRaysPerSecond), "Exact rays against the mesh, on the CPU");
   figure("G-rays", rate(f.gRaysPerSecond), "Wide rays and photons through voxels, on the device");
   figure("Photons", fmt::format("{:.2f} M", 1e-6 * static_cast<double>(f.session.photons)));
+  if (f.machines > 0) {
+    figure("Machines", fmt::format("{} of {} others help", f.readyMachines, f.machines));
+  }
   figure("State", f.converged ? "converged" : phaseName(ui.viewer.phase()));
   heading("Memory");
   figure("Mesh", formatBytes(f.meshBytes), "With all of its hierarchy, for C-rays");

@@ -94,6 +94,7 @@ int ReplayRunner::run() {
 void ReplayRunner::step(const ReplayStep& s) {
   turns_ = {};
   entry_ = {{"label", s.label}};
+  const double begun = now();
   await(s.wait);
   prepare(s);
   const double start = now();
@@ -102,6 +103,7 @@ void ReplayRunner::step(const ReplayStep& s) {
   goOn(s);
   if (s.idle > 0.0) measureIdle(s.idle);
   save(s);
+  entry_["seconds"] = now() - begun;
   const ViewerFigures f = viewer_.figures();
   entry_["samples_per_pixel"] = f.samplesPerPixel;
   entry_["estimated_distance"] = f.truthDistance;
@@ -246,6 +248,11 @@ void ReplayRunner::await(ReplayWait wait) {
   } else if (wait == ReplayWait::kReady) {
     turnUntil("the model to be ready", [&](const Turn&) {
       return shownAt_.has_value() && viewer_.phase() == OpenPhase::kReady;
+    });
+  } else if (wait == ReplayWait::kMachines) {
+    turnUntil("the other machines", [&](const Turn&) {
+      const ViewerFigures f = viewer_.figures();
+      return shownAt_.has_value() && f.readyMachines == f.machines;
     });
   } else if (wait == ReplayWait::kIdle) {
     turnUntil("the picture to be done", [&](const Turn&) { return viewer_.idle(); });

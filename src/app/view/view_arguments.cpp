@@ -15,7 +15,8 @@ namespace {
 /// As written; read once all are there.
 struct Texts {
   std::string input, edits, size = "1280x720", device = "auto", guess = "auto";
-  std::string stale = "refuse", maxMemory, maxGpuMemory, replay, report, screenshotFolder = ".";
+  std::string stale = "refuse", sceneDb = "central", maxMemory, maxGpuMemory, replay, report,
+              screenshotFolder = ".";
   std::uint32_t samples = 4096;
   double budgetMs = 33.0;
   bool quiet = false, verbose = false;
@@ -55,6 +56,11 @@ void addOptions(CLI::App& c, Texts& t, ViewArguments& a) {
   c.add_option("--stale", t.stale, "A bundle whose model has changed since: refuse or use")
       ->check(CLI::IsMember({"refuse", "use"}))
       ->capture_default_str();
+  c.add_option("--scene-db", t.sceneDb,
+               "Where machines started by mpirun have the model from: central (this one alone has "
+               "it) or local (each has a copy)")
+      ->check(CLI::IsMember({"central", "local"}))
+      ->capture_default_str();
   c.add_option("--replay", t.replay, "Run this script in an invisible window: see docs/viewer.md");
   c.add_option("--report", t.report, "Write what the replay measured to this .json [stdout]");
   c.add_option("--screenshot-dir", t.screenshotFolder, "Where pictures are saved")
@@ -86,6 +92,7 @@ void read(const Texts& t, ViewArguments& a) {
   a.viewer.input = t.input;
   a.viewer.edits = t.edits;
   a.viewer.useStale = t.stale == "use";
+  a.localModel = t.sceneDb == "local";
   a.viewer.budgetSeconds = 1e-3 * t.budgetMs;
   a.replay = t.replay;
   a.report = t.report;
@@ -96,7 +103,7 @@ void read(const Texts& t, ViewArguments& a) {
 
 }  // namespace
 
-ViewArguments readViewArguments(int argc, char** argv) {
+ViewArguments readViewArguments(int argc, const char* const* argv) {
   CLI::App app{"Open a model in a window: look around, edit, refine", "trex view"};
   app.footer(
       "Press H in the window for its keys. Exit codes: 0 closed, 1 failed, 2 usage, 3 input,\n"

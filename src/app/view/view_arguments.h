@@ -14,10 +14,11 @@ struct ViewArguments {
   int scale = 1;                             ///< window pixels a pixel of the picture, each way
   int threads = 0;
   std::filesystem::path replay, report, screenshotFolder = ".";
-  bool help = false;  ///< --help or --version was answered
+  bool localModel = false;  ///< other machines have the model, too
+  bool help = false;        ///< --help or --version was answered
 };
 
 /// Throws Error(kUsage).
-ViewArguments readViewArguments(int argc, char** argv);
+ViewArguments readViewArguments(int argc, const char* const* argv);
 
 }  // namespace trex

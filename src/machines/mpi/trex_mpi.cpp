@@ -131,9 +131,28 @@ const char* look(bool& found, int& from, std::uint64_t& size) {
   return nullptr;
 }
 
-const char* receive(void* to, bool& whole) {
-  const int code = MPI_Mrecv(to, foundBytes_, MPI_BYTE, &found_, MPI_STATUS_IGNORE);
-  whole = code == MPI_SUCCESS;
+const char* receive(void* to, void*& request) {
+  auto* made = new MPI_Request(MPI_REQUEST_NULL);
+  const int code = MPI_Imrecv(to, foundBytes_, MPI_BYTE, &found_, made);
+  request = nullptr;
+  if (code == MPI_SUCCESS) {
+    request = made;
+    return nullptr;
+  }
+  delete made;
+  return noticesDeath(code) ? nullptr : problem(code);
+}
+
+const char* received(void* request, bool& done, bool& whole) {
+  auto* of = static_cast<MPI_Request*>(request);
+  int flag = 0;
+  done = true;
+  whole = false;
+  if (of == nullptr) return nullptr;
+  const int code = MPI_Test(of, &flag, MPI_STATUS_IGNORE);
+  whole = code == MPI_SUCCESS && flag != 0;
+  done = whole || code != MPI_SUCCESS;
+  if (done) delete of;
   return noticesDeath(code) ? nullptr : problem(code);
 }
 
@@ -170,8 +189,8 @@ const MpiFunctions* trexMpiFunctions() {
   static char version[MPI_MAX_LIBRARY_VERSION_STRING];
   int length = 0;
   MPI_Get_library_version(version, &length);
-  static const MpiFunctions all{version, start, send,     sent,   look,
-                                receive, lost,  survives, finish, abort};
+  static const MpiFunctions all{version,  start, send,     sent,   look, receive,
+                                received, lost,  survives, finish, abort};
   return &all;
 }
 

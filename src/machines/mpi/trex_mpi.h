@@ -14,10 +14,12 @@ struct MpiFunctions {
   /// `bytes` stay where they are until sent() says so of `request`.
   const char* (*send)(int to, const void* bytes, std::uint64_t size, void*& request);
   const char* (*sent)(void* request, bool& done);
-  /// Whether a message is there; receive() takes it.
-  const char* (*look)(bool& found, int& from, std::uint64_t& size);
+  /// Whether a message is there; receive() begins to take it, and `to` stays where it is until
+  /// received() says done of `request`. (Who waits for a slow link within MPI keeps a core busy.)
   /// `whole`: false if its sender has died.
-  const char* (*receive)(void* to, bool& whole);
+  const char* (*look)(bool& found, int& from, std::uint64_t& size);
+  const char* (*receive)(void* to, void*& request);
+  const char* (*received)(void* request, bool& done, bool& whole);
   /// Another process that has died since the job began, each once; -1: none. Only where the others
   /// outlive it (survives()); messages to it go nowhere.
   int (*lost)();

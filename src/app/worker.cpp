@@ -1,0 +1,167 @@
+// trex worker: a machine that traces for the window of another (docs/machines.md).
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <new>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "src/app/app.h"
+#include "src/app/lent_files.h"
+#include "src/app/view/view_arguments.h"
+#include "src/bundle/bundle.h"
+#include "src/command/interrupt.h"
+#include "src/command/parse.h"
+#include "src/core/error.h"
+#include "src/core/log.h"
+#include "src/core/threads.h"
+#include "src/machines/identity.h"
+#include "src/machines/mpi_wire.h"
+#include "src/machines/server.h"
+#include "src/session/preflight.h"
+
+namespace trex {
+namespace {
+
+enum : std::uint32_t { kModelFile, kEnvironmentFile, kFiles };
+
+/// As written, and what that means.
+struct WorkerArguments {
+  std::string device, maxMemory, maxGpuMemory, cache;
+  int threads = 0;
+  std::optional<int> deviceNumber;
+  std::uint64_t memoryBytes = 0, gpuMemoryBytes = 0, cacheBytes = 0;
+};
+
+/// Throws Error(kUsage).
+void read(WorkerArguments& w) {
+  if (!w.device.empty()) w.deviceNumber = parseDevice(w.device);
+  if (!w.maxMemory.empty()) w.memoryBytes = parseBytes(w.maxMemory);
+  if (!w.maxGpuMemory.empty()) w.gpuMemoryBytes = parseBytes(w.maxGpuMemory);
+  if (!w.cache.empty()) w.cacheBytes = std::max<std::uint64_t>(parseBytes(w.cache), 1);
+}
+
+/// The window's own command line, with what is this machine's.
+ViewArguments windowOf(const machines::Serve& serve, const WorkerArguments& w) {
+  const std::vector<std::string> arguments = machines::splitArguments(serve.arguments);
+  std::vector<const char*> words{"trex view"};
+  for (const std::string& argument : arguments) words.push_back(argument.c_str());
+  const LogLevel level = logLevel();
+  ViewArguments a = readViewArguments(static_cast<int>(words.size()), words.data());
+  setLogLevel(level);
+  RenderSettings& s = a.viewer.settings;
+  s.width = serve.width;
+  s.height = serve.height;
+  if (w.deviceNumber) s.device = *w.deviceNumber;
+  s.maxMemory = w.memoryBytes;
+  s.maxGpuMemory = w.gpuMemoryBytes;
+  return a;
+}
+
+/// As the window opens it.
+OpenOptions optionsOf(const ViewArguments& a, const std::string& environment,
+                      std::uint64_t cacheBytes, ModelOptions& made) {
+  const RenderSettings& s = a.viewer.settings;
+  OpenOptions open;
+  open.useStale = a.viewer.useStale;
+  open.import = a.viewer.import;
+  for (const std::string& v : a.viewer.volumes) open.import.volumes.push_back(parseVolume(v));
+  open.import.maxMemory = s.maxMemory;
+  open.import.textures = textureCacheFor(s, std::filesystem::temp_directory_path());
+  open.model.voxels = s.exact < 1.0;
+  open.model.voxelsInTheDark = true;
+  open.model.voxelDepth = voxelDepthFor(std::uint64_t{s.width} * s.height);
+  if (!environment.empty()) open.environment = parseEnvironment(environment);
+  open.prepare = [&s, &made, cacheBytes](const Scene& scene, ModelOptions& model) {
+    if (!model.bakedVoxels) model.voxelBytes = preflight(scene, s, {}).voxelBytes;
+    if (model.paged.pages > 0) model.cacheBytes = std::min(cacheBytes, model.paged.pages);
+    made = model;
+  };
+  return open;
+}
+
+void serve(const WorkerArguments& w, machines::Server& server) {
+  catchInterrupts();
+  const auto welcome = server.awaitWelcome();
+  if (!welcome) return;
+  const auto window = server.awaitServe(*welcome);
+  if (!window) return;
+  if (!welcome->local && welcome->fileBytes.size() != kFiles) {
+    fail(ExitCode::kFailed, "machine 0: has not said which files there are");
+  }
+  const ViewArguments a = windowOf(*window, w);
+  const std::string input = a.viewer.input.string();
+  LentFiles lent(server, *welcome);
+  std::string environment = a.viewer.environment;
+  if (!welcome->local && lent.has(kEnvironmentFile)) {
+    const std::string file = environmentFile(environment);
+    environment = lent.take(kEnvironmentFile, file) + environment.substr(file.size());
+  }
+  ModelOptions made;
+  const OpenOptions open = optionsOf(a, environment, w.cacheBytes, made);
+  if (welcome->local) checkSourceFits(input, a.viewer.settings);
+  auto model = std::make_shared<Model>(
+      welcome->local ? openModel(input, open)
+                     : openRemoteBundle(server.file(kModelFile, input),
+                                        welcome->fileBytes[kModelFile], input, open));
+  const std::uint64_t digest = machines::windowDigest(welcome->local ? input : std::string());
+  auto voxels = std::exchange(model->voxels, nullptr);
+  made.voxels = voxels != nullptr;
+  server.run(std::move(model), std::move(voxels), made, a.viewer.settings, digest);
+}
+
+/// What goes wrong here is machine 0's to say; only what keeps it from being told is said here.
+void work(WorkerArguments& w) {
+  const machines::Started started = machines::startedAs();
+  if (started.size < 2 || started.rank == 0) {
+    fail(ExitCode::kUsage,
+         "trex worker: is started by mpirun beside a window: mpirun -n 1 trex view MODEL : -n 3 "
+         "trex worker");
+  }
+  read(w);
+  const ThreadLimit limit(w.threads);
+  const auto self = machines::helloOfThis(static_cast<std::uint32_t>(threadsAllowed()));
+  std::unique_ptr<machines::Server> server;
+  try {
+    server = std::make_unique<machines::Server>(machines::openMpiWire, self);
+  } catch (const Error& e) {
+    throw Error(e.code(), fmt::format("machine {} ({}): {}", started.rank, self.host, e.what()));
+  }
+  try {
+    serve(w, *server);
+  } catch (const Error& e) {
+    if (e.code() != ExitCode::kInterrupted) server->failed(e);
+  } catch (const std::bad_alloc&) {
+    server->failed(Error(ExitCode::kMemoryOrDevice, "out of memory"));
+  } catch (const std::exception& e) {
+    server->failed(Error(ExitCode::kFailed, e.what()));
+  }
+  server->finish();
+  if (!machines::mpiEndsUncleanly()) return;
+  std::fflush(nullptr);
+  ::_exit(0);
+}
+
+}  // namespace
+
+void addWorkerCommand(CLI::App& app) {
+  auto w = std::make_shared<WorkerArguments>();
+  CLI::App* c = app.add_subcommand(
+      "worker", "Trace for a window: mpirun -n 1 trex view MODEL : -n 3 trex worker");
+  c->add_option("--threads", w->threads, "CPU threads [all]")->check(CLI::Range(1, 4096));
+  c->add_option("--device", w->device,
+                "Vulkan device of the G-rays: number, auto or none [as the window]");
+  c->add_option("--max-memory", w->maxMemory, "Memory this process may use, such as 8G [all]");
+  c->add_option("--max-gpu-memory", w->maxGpuMemory,
+                "Device memory that may be used, such as 2G [all]");
+  c->add_option("--cache", w->cache, "Memory for pages of a streamed bundle, such as 2G [all]");
+  c->callback([w] { work(*w); });
+}
+
+}  // namespace trex
