@@ -96,6 +96,7 @@ void Leader::forget(std::uint32_t machine) {
   if (m.state == State::kGone) return;
   m.state = State::kGone;
   m.at.reset();
+  dropProbeOf(machine);
   ledger_.lose(machine);
   photonJobs_.lose(machine);
   if (!stopped_) logWarning("{}: has ended; others take its jobs", nameOf(machine));

@@ -53,6 +53,9 @@ void Leader::hear(std::uint32_t from, Kind kind, ByteView body) {
     case Kind::kShot:
       hearShot(from, decode<Shot>(body));
       break;
+    case Kind::kProbed:
+      hearProbed(from, decode<Probed>(body));
+      break;
     case Kind::kPong:
       break;
     case Kind::kFailed: {
@@ -95,6 +98,7 @@ void Leader::greet(std::uint32_t from, const Hello& hello) {
                instructionText(hello.instructions), instructionText(self_.instructions));
   }
   if (welcome_) link_.send(from, *welcome_);
+  probe(from);
 }
 
 void Leader::checkReady(std::uint32_t from) {
@@ -171,6 +175,7 @@ void Leader::tick() {
     if (!answers || now - m.heard < kSilentSeconds) continue;
     logWarning("{}: has not answered for {:.0f} s; others take its jobs", nameOf(i), now - m.heard);
     m.state = State::kSilent;
+    dropProbeOf(i);
     ledger_.lose(i);
     photonJobs_.lose(i);
     changed_.notify_all();

@@ -26,7 +26,7 @@
 namespace trex::machines {
 
 inline constexpr std::uint32_t kMagic = 0x4d585254u;  // "TRXM"
-inline constexpr std::uint16_t kProtocol = 2;
+inline constexpr std::uint16_t kProtocol = 3;
 inline constexpr std::size_t kHeadBytes = 24;
 /// No message is longer; who receives one asks before it takes the memory.
 inline constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 28;
@@ -49,6 +49,7 @@ enum class Kind : std::uint16_t {
   kFetch,      ///< parts of files are wanted
   kAtPhotons,  ///< a batch of photons is wanted
   kShot,       ///< some photons of it
+  kProbed,     ///< the bytes of kProbe are here
   kPong,
   kFailed,  ///< can't go on
   kBye,     ///< the last
@@ -63,6 +64,8 @@ enum class Kind : std::uint16_t {
   kShoot,    ///< some photons of a batch are to be shot
   kPhotons,  ///< some that another machine has shot
   kAlone,    ///< shoot the batch alone: it is past
+  kProbe,    ///< bytes whose way is measured
+  kLink,     ///< what was measured
   kPing,
   kStop,
 };
@@ -155,10 +158,10 @@ struct MachineTimes {
   double processor = 0.0;  ///< processorSeconds(), since the program began
   double photons = 0.0;    ///< of the machine: shooting, and waiting for what others shoot
   double waiting = 0.0, unpacking = 0.0, reading = 0.0;  ///< as PageTrafficReport
-  std::uint64_t pageLoads = 0;
+  std::uint64_t pageLoads = 0, pagesRestored = 0;        ///< the latter of the former
   template <class F>
   void fields(F&& f) {
-    f(processor), f(photons), f(waiting), f(unpacking), f(reading), f(pageLoads);
+    f(processor), f(photons), f(waiting), f(unpacking), f(reading), f(pageLoads), f(pagesRestored);
   }
 };
 
@@ -250,6 +253,34 @@ struct ShootAlone {
   template <class F>
   void fields(F&& f) {
     f(view), f(batch);
+  }
+};
+
+struct Probe {
+  static constexpr Kind kKind = Kind::kProbe;
+  std::uint32_t number = 0;  ///< of the question
+  Bytes bytes;
+  template <class F>
+  void fields(F&& f) {
+    f(number), f(bytes);
+  }
+};
+
+struct Probed {
+  static constexpr Kind kKind = Kind::kProbed;
+  std::uint32_t number = 0;
+  template <class F>
+  void fields(F&& f) {
+    f(number);
+  }
+};
+
+struct LinkFound {
+  static constexpr Kind kKind = Kind::kLink;
+  double roundTrip = 0.0, bandwidth = 0.0;  ///< as LinkSpeed
+  template <class F>
+  void fields(F&& f) {
+    f(roundTrip), f(bandwidth);
   }
 };
 
