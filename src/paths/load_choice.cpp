@@ -202,7 +202,11 @@ void LoadChoice::choose() {
   fit();
   chosen_.clear();
   const std::vector<std::uint32_t> wanted = candidates();
-  if (!wanted.empty()) planLoads(wanted);
+  const bool plans = std::any_of(wanted.begin(), wanted.end(),
+                                 [&](std::uint32_t page) { return !cache_->isKept(page); });
+  if (plans) return planLoads(wanted);
+  // No channel is worth a plan: what is worth most comes first.
+  chosen_.assign(wanted.rbegin(), wanted.rend());
 }
 
 /// Plans their loads.

@@ -13,7 +13,7 @@ Renders on this machine, one thread each: all samples; those of one of so many m
 With a central database packed pages come from machine 0. A ray that waits is 120 bytes (question, nearest hit so far, groups it waits for)
 and its answer 150 (hit and triangle); it goes and comes back at least once (pages are parted by regions, it meets one owner), at most
 for each page. A ray costs 1 microsecond of processors each way, at either end; TCP 1 nanosecond a byte at either end."""
-import argparse, json, os, subprocess, tempfile
+import argparse, json, os, resource, subprocess, tempfile
 
 THERE, BACK, RAY_SECONDS, BYTE_SECONDS = 120, 150, 1e-6, 1e-9
 
@@ -32,26 +32,36 @@ def main():
     pages = json.loads(subprocess.run([a.trex, "info", a.model, "--json"], check=True, capture_output=True, text=True).stdout)["mesh_pages"]
     folder = tempfile.TemporaryDirectory(prefix="trex-rays-", dir=os.getcwd())
 
-    def render(spp, caches, kept):
+    def render(spp, caches, kept, size=a.size, opening=0.0):
         cache = min(max(int(pages["memory_bytes"] * a.cache * caches), pages["largest_page_bytes"] + 8192), pages["memory_bytes"] - 1)
-        p = subprocess.run([a.trex, "render", a.model, "-o", os.path.join(folder.name, "a.exr"), "--size", a.size, "--spp", str(spp),
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        p = subprocess.run([a.trex, "render", a.model, "-o", os.path.join(folder.name, "a.exr"), "--size", size, "--spp", str(spp),
                             "--exact", "1", "--device", "none", "--denoise", "off", "--threads", "1", "--cache", str(cache), "--page-disk",
                             "auto" if kept else "off", "--json"], check=True, capture_output=True, text=True, env={**os.environ, "TREX_OIDN": "none"})
         r = json.loads(p.stdout)
-        r["work"] = r["tracing_thread_seconds"] - r["waiting_thread_seconds"] - r["unpacking_thread_seconds"]
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime - opening
+        # Clocks count what others on this machine take, too; processors do not.
+        r["unpacking"] = processor * r["unpacking_thread_seconds"] / (r["tracing_thread_seconds"] - r["waiting_thread_seconds"])
+        r["work"] = processor - r["unpacking"]
+        if opening == 0.0:
+            return processor
         print(f"{spp:3} samples, cache {cache / 1e6:6.1f} MB{', kept' if kept else '      '}: tracing {r['work']:5.1f} s, unpacking "
-              f"{r['unpacking_thread_seconds']:5.1f} s, {r['page_loads']} loads, {r['page_loads'] - r['page_loads_restored']} unpacked; "
+              f"{r['unpacking']:5.1f} s, {r['page_loads']} loads, {r['page_loads'] - r['page_loads_restored']} unpacked; "
               f"{r['rays_that_waited'] / 1e6:.1f} M rays waited, {r['ray_waits'] / 1e6:.1f} M times, "
               f"{r['ray_waits'] / r['page_loads']:.0f} a load", flush=True)
         return r
 
-    whole, keptWhole = render(a.spp, 1, False), render(a.spp, 1, True)
+    opening = render(1, 1, False, "8x8")
+    print(f"seconds of a processor, without the {opening:.1f} that opening the model takes:")
+    whole, keptWhole = render(a.spp, 1, False, opening=opening), render(a.spp, 1, True, opening=opening)
     page_bytes = os.path.getsize(a.model) / pages["pages"]
-    alone = {False: whole["work"] + whole["unpacking_thread_seconds"], True: keptWhole["work"] + keptWhole["unpacking_thread_seconds"]}
+    alone = {False: whole["work"] + whole["unpacking"], True: keptWhole["work"] + keptWhole["unpacking"]}
     print(f"one machine: {alone[False] / a.share:.0f} s, kept {alone[True] / a.share:.0f} s\n")
     print("machines  link           way        processor     link   seconds  speed-up  of what was")
     for n in [int(x) for x in a.machines.split(",")]:
-        part, kept, together = render(a.spp // n, 1, False), render(a.spp // n, 1, True), render(a.spp, n, False)
+        part, kept = (render(a.spp // n, 1, keeps, opening=opening) for keeps in (False, True))
+        together = render(a.spp, n, False, opening=opening)
         hops = [2 * whole[key] * (n - 1) / n / n for key in ("rays_that_waited", "ray_waits")]  # sent by each machine
         for megabits in [int(x) for x in a.megabits.split(",")]:
             byte = 8e-6 / megabits
@@ -64,12 +74,12 @@ def main():
                     seconds = max(processor / a.share, link)
                     rows.append((name, way, processor / a.share, link, seconds, before / a.share))
 
-                row("everyone", part["work"] + part["unpacking_thread_seconds"], 0, part["page_loads"], alone[False])
+                row("everyone", part["work"] + part["unpacking"], 0, part["page_loads"], alone[False])
                 for way, count in zip(("owners, least", "owners, most"), hops):
                     sent = count * (THERE + BACK) / 2
-                    row(way, whole["work"] / n + together["unpacking_thread_seconds"] / n + 2 * (count * RAY_SECONDS + sent * BYTE_SECONDS), sent,
+                    row(way, whole["work"] / n + together["unpacking"] / n + 2 * (count * RAY_SECONDS + sent * BYTE_SECONDS), sent,
                         together["page_loads"] / n, alone[False])
-                row("kept", kept["work"] + kept["unpacking_thread_seconds"], 0, kept["page_loads"] - kept["page_loads_restored"], alone[True])
+                row("kept", kept["work"] + kept["unpacking"], 0, kept["page_loads"] - kept["page_loads_restored"], alone[True])
             first = {}
             for name, way, processor, link, seconds, before in rows:
                 first.setdefault(name, seconds)
