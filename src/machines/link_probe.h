@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <optional>
@@ -23,7 +24,8 @@ inline bool isPossible(const LinkSpeed& link) {
 }
 
 /// Questions of some bytes, one at a time, that are answered by small messages: empty ones first,
-/// of which the fastest counts, then larger ones, until one takes long enough to be measured.
+/// of which the fastest counts, then larger ones, until one takes long enough to be measured. It is
+/// asked a few times: machines that open a model are late now and then.
 class LinkProbe {
  public:
   static constexpr std::uint32_t kFirstBytes = 1u << 16, kMostBytes = 1u << 21;
@@ -42,29 +44,44 @@ class LinkProbe {
       return;
     }
     // What the way takes by itself is in the round trip.
-    speed_.bandwidth = bytes_ / std::max(seconds - speed_.roundTrip, 0.1 * seconds);
-    done_ = seconds - speed_.roundTrip >= kLongEnough || bytes_ == kMostBytes;
-    bytes_ *= 2;
+    travels_[large_++] = std::max(seconds - speed_.roundTrip, 1e-6);
+    if (isShort(travels_[large_ - 1]) && large_ == 1) return tryMore();
+    if (large_ < kLarge) return;
+    std::sort(travels_.begin(), travels_.end());
+    const double half = travels_[kLarge / 2];  // of them take longer
+    if (isShort(2.0 * half)) return tryMore();
+    speed_.bandwidth = bytes_ / half;
+    done_ = true;
   }
   const LinkSpeed& speed() const { return speed_; }
 
  private:
-  static constexpr std::uint32_t kEmpty = 4;
+  /// Too short to tell.
+  bool isShort(double travelled) const {
+    return bytes_ < kMostBytes && travelled < std::max(kLongEnough, 0.25 * speed_.roundTrip);
+  }
+  void tryMore() {
+    bytes_ *= 2;
+    large_ = 0;
+  }
+  static constexpr std::uint32_t kEmpty = 4, kLarge = 5;
   static constexpr double kLongEnough = 0.01;  // seconds
   LinkSpeed speed_;
-  std::uint32_t bytes_ = 0, empty_ = 0;
+  std::uint32_t bytes_ = 0, empty_ = 0, large_ = 0;
+  std::array<double, kLarge> travels_{};  ///< seconds
   double asked_ = 0.0;
   bool done_ = false;
 };
 
 /// Pages to ask for in one question: so many that they take three times as long as the way there
-/// and back, most of which is spent by threads that do something else.
+/// and back. Between machines that are near that is one, but most of a question's time is that of
+/// threads that do something else, so it is several anyway.
 inline unsigned pagesAtOnce(const LinkSpeed& link) {
-  constexpr unsigned kUnknown = 8, kMost = 32;
+  constexpr unsigned kLeast = 8, kMost = 32;
   constexpr double kPageBytes = 16384.0;  // packed, about
-  if (!link.known()) return kUnknown;
+  if (!link.known()) return kLeast;
   const double pages = std::ceil(3.0 * link.roundTrip * link.bandwidth / kPageBytes);
-  return static_cast<unsigned>(std::clamp(pages, 1.0, double{kMost}));
+  return static_cast<unsigned>(std::clamp(pages, double{kLeast}, double{kMost}));
 }
 
 }  // namespace trex::machines

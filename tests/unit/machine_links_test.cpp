@@ -10,13 +10,14 @@ namespace {
 
 using namespace test_net;
 
-/// What is measured of a link by the times that it takes; `sent` gets the bytes that this took.
+/// What is measured of a link by the times that it takes, of which one in five is `late`; `sent`
+/// gets the bytes that this took.
 LinkSpeed measure(double bandwidth, double roundTrip, double late, double* sent = nullptr) {
   LinkProbe probe;
   double now = 100.0;
   int questions = 0;
   while (const auto bytes = probe.ask(now)) {
-    now += roundTrip + *bytes / bandwidth + (questions++ == 1 ? late : 0.0);
+    now += roundTrip + *bytes / bandwidth + (questions++ % 5 == 1 ? late : 0.0);
     if (sent != nullptr) *sent += *bytes;
     probe.answered(now);
     if (questions > 100) break;
@@ -34,9 +35,9 @@ TEST(LinkProbe, FindsWhatALinkIs) {
       if (roundTrip < 10.0 * LinkProbe::kMostBytes / bandwidth) {
         EXPECT_NEAR(found.bandwidth, bandwidth, 0.1 * bandwidth) << bandwidth << " " << roundTrip;
       }
-      EXPECT_LE(sent, 2.0 * LinkProbe::kMostBytes);
-      // Not a second for a link that is slow.
-      EXPECT_LE(sent / bandwidth, std::max(0.7, 0.05 + 2.0 * LinkProbe::kFirstBytes / bandwidth));
+      EXPECT_LE(sent, 10.0 * LinkProbe::kMostBytes);
+      // Not a second for a link that is slow, but for one that hardly is one.
+      EXPECT_LE(sent / bandwidth, std::max(0.7, 6.0 * LinkProbe::kFirstBytes / bandwidth));
     }
   }
 }
@@ -49,7 +50,7 @@ TEST(LinkProbe, AClockThatStandsStillDoesNoHarm) {
 
 TEST(LinkProbe, PagesAreAskedForTogetherWhereTheWayIsLong) {
   EXPECT_EQ(pagesAtOnce({}), 8u);
-  EXPECT_EQ(pagesAtOnce({1e-5, 1.25e7}), 1u);
+  EXPECT_EQ(pagesAtOnce({1e-5, 1.25e7}), 8u);
   EXPECT_EQ(pagesAtOnce({1e-3, 1.25e8}), 23u);
   EXPECT_EQ(pagesAtOnce({1.0, 1e9}), 32u);
   EXPECT_FALSE(isPossible({-1.0, 1e9}));
