@@ -98,7 +98,9 @@ void Leader::greet(std::uint32_t from, const Hello& hello) {
                instructionText(hello.instructions), instructionText(self_.instructions));
   }
   if (welcome_) link_.send(from, *welcome_);
-  probe(from);
+  // While it waits for what there is to open; one that opens its own copy has no processor to
+  // spare.
+  if (!welcome_ || !welcome_->local) probe(from);
 }
 
 void Leader::checkReady(std::uint32_t from) {
@@ -114,6 +116,7 @@ void Leader::checkReady(std::uint32_t from) {
   }
   m.ready = true;
   if (m.state == State::kGreeted) m.state = State::kReady;
+  if (welcome_ && welcome_->local) probe(from);
   bringIn(from);
 }
 

@@ -193,6 +193,7 @@ void PageTraffic::want() {
   if (wanted_) return;
   choice_.toBegin(paths_ - next_);
   wanted_ = choice_.next();
+  if (wanted_ && !cache_.isKept(*wanted_)) wakeReader();
 }
 
 /// Unpacks the page that is worth most, if rays wait for one that was read and there is room for
@@ -233,7 +234,7 @@ bool PageTraffic::unpackOne(std::unique_lock<std::mutex>& lock, unsigned thread)
   report_.unpacking += end - start;
   ++report_.loads;
   report_.readAhead += packed.ahead;
-  wakeReader();
+  if (!packed.kept) wakeReader();  // there is room for another
   if (failed) {
     failLocked(std::move(failed));
   } else {
