@@ -196,6 +196,12 @@ class Mesh {
   /// A mesh of the blobs of a page as unpackClusters() gives them, on the grid of `grid`. Bounds
   /// and triangle count are not known to it, and it has no hierarchy over its clusters.
   static Mesh fromPage(const ClusterPage& page, const Mesh& grid);
+  /// Likewise, of the bytes() of a mesh that fromPage() made, which are not looked at: unchanged,
+  /// and as aligned as new. `owner` keeps them alive.
+  static Mesh fromPageAgain(std::span<const std::byte> bytes, std::shared_ptr<const void> owner,
+                            const Mesh& grid);
+  /// How many bytes these are, of a page of so many clusters and bytes of blobs and tail.
+  static std::size_t pageBytes(std::size_t clusters, std::size_t blobs);
 
   std::span<const std::byte> bytes() const { return bytes_; }
   /// Of all hierarchies over clusters; not in bytes().

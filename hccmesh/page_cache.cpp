@@ -63,11 +63,12 @@ void PageCache::Pin::release() {
 }
 
 PageCache::PageCache(const PageFile& file, const PageTable& table, std::uint64_t limit,
-                     std::uint32_t materials)
+                     std::uint32_t materials, std::unique_ptr<UnpackedPages> kept)
     : file_(file),
       table_(table),
       limit_(limit),
       materials_(materials),
+      kept_(std::move(kept)),
       grid_(emptyMesh(table.stepExponent)),
       slots_(table.pages.size()) {
   if (limit < leastBytes(table))
@@ -180,7 +181,19 @@ void PageCache::reserve(std::uint64_t bytes, std::unique_lock<std::mutex>& lock)
   statistics_.peakBytes = std::max(statistics_.peakBytes, statistics_.bytes);
 }
 
+/// A page that was unpacked before, or null.
+std::unique_ptr<Mesh> PageCache::restore(std::uint32_t page) {
+  if (!isKept(page)) return {};
+  const PageEntry& entry = table_.pages[page];
+  const std::size_t size = Mesh::pageBytes(entry.clusters, entry.bytes);
+  std::shared_ptr<std::byte[]> bytes = std::make_unique_for_overwrite<std::byte[]>(size);
+  const std::span<std::byte> all(bytes.get(), size);
+  if (!kept_->read(page, all)) return {};
+  return std::make_unique<Mesh>(Mesh::fromPageAgain(all, std::move(bytes), grid_));
+}
+
 std::unique_ptr<Mesh> PageCache::unpack(std::uint32_t page, std::span<const std::byte> packed) {
+  const auto start = std::chrono::steady_clock::now();
   bool& known = slots_[page].known;
   auto mesh =
       std::make_unique<Mesh>(Mesh::fromPage(unpackPage(file_, table_, page, packed, known), grid_));
@@ -189,6 +202,10 @@ std::unique_ptr<Mesh> PageCache::unpack(std::uint32_t page, std::span<const std:
       throw FormatError(file_.place(table_.pages[page].offset) + ": page " + std::to_string(page) +
                         " has a material that does not exist");
   known = true;
+  if (kept_) {
+    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
+    kept_->keep(page, mesh->bytes(), took.count());
+  }
   return mesh;
 }
 
@@ -214,16 +231,21 @@ PageCache::Pin PageCache::load(std::uint32_t page, std::span<const std::byte> pa
       wait(lock);
       continue;
     }
+    bool restored = false;
     try {
       reserve(bytesOf(entry), lock);
       lock.unlock();
-      thread_local std::vector<std::byte> bytes;  // one a thread, not counted by the limit
-      if (packed.empty()) {
-        readAhead(page);
-        const WaitClock clock;
-        readPage(file_, table_, page, bytes);
+      slot.mesh = packed.empty() ? restore(page) : nullptr;
+      restored = slot.mesh != nullptr;
+      if (!restored) {
+        thread_local std::vector<std::byte> bytes;  // one a thread, not counted by the limit
+        if (packed.empty()) {
+          readAhead(page);
+          const WaitClock clock;
+          readPage(file_, table_, page, bytes);
+        }
+        slot.mesh = unpack(page, packed.empty() ? bytes : packed);
       }
-      slot.mesh = unpack(page, packed.empty() ? bytes : packed);
       lock.lock();
     } catch (...) {
       if (!lock.owns_lock()) lock.lock();
@@ -235,7 +257,8 @@ PageCache::Pin PageCache::load(std::uint32_t page, std::span<const std::byte> pa
     slot.place = static_cast<std::uint32_t>(present_.size());
     present_.push_back(page);
     ++statistics_.loads;
-    statistics_.bytesRead += entry.packedBytes;
+    statistics_.restored += restored;
+    if (!restored) statistics_.bytesRead += entry.packedBytes;
     slot.state.store(1);
     changed_.notify_all();
     break;
@@ -245,15 +268,17 @@ PageCache::Pin PageCache::load(std::uint32_t page, std::span<const std::byte> pa
 
 PageCache::Statistics PageCache::statistics() const {
   const std::lock_guard lock(mutex_);
-  return statistics_;
+  Statistics all = statistics_;
+  if (kept_) all.keptBytes = kept_->bytes();
+  return all;
 }
 
 PagedMesh::PagedMesh(PageTable table, std::unique_ptr<PageFile> file, std::uint64_t cacheBytes,
-                     std::uint32_t materials)
+                     std::uint32_t materials, std::unique_ptr<UnpackedPages> kept)
     : table_(std::move(table)),
       file_(std::move(file)),
       grid_(emptyMesh(table_.stepExponent)),
-      cache_(*file_, table_, cacheBytes, materials) {}
+      cache_(*file_, table_, cacheBytes, materials, std::move(kept)) {}
 
 double PagedMesh::errorBound() const { return std::sqrt(0.75) * grid_.step(); }
 

@@ -19,6 +19,7 @@
 #include <vector>
 
 #include "hccmesh/pages.h"
+#include "hccmesh/unpacked_pages.h"
 
 namespace hccm {
 
@@ -27,6 +28,8 @@ class PageCache {
  public:
   struct Statistics {
     std::uint64_t loads = 0, evictions = 0, bytesRead = 0;
+    std::uint64_t restored = 0;              ///< of the loads, those that unpacked nothing
+    std::uint64_t keptBytes = 0;             ///< of the file of unpacked pages
     std::uint64_t bytes = 0, peakBytes = 0;  ///< in memory, of all pages
   };
 
@@ -58,9 +61,10 @@ class PageCache {
 
   /// `limit`: bytes of pages in memory, at least leastBytes(). File and table must outlive it.
   /// Throws std::invalid_argument for a limit that is too small.
-  /// A page with a material of `materials` or beyond counts as damaged.
+  /// A page with a material of `materials` or beyond counts as damaged. `kept`: where pages go that
+  /// were unpacked; null: nowhere.
   PageCache(const PageFile& file, const PageTable& table, std::uint64_t limit,
-            std::uint32_t materials = 0xffffffffu);
+            std::uint32_t materials = 0xffffffffu, std::unique_ptr<UnpackedPages> kept = {});
   ~PageCache();
   PageCache(const PageCache&) = delete;
   PageCache& operator=(const PageCache&) = delete;
@@ -85,6 +89,10 @@ class PageCache {
   std::uint64_t limit() const { return limit_; }
   /// Where the pages lie.
   const PageFile& file() const { return file_; }
+  /// Whether pin() takes a page from those that were unpacked before, and needs no packed bytes.
+  bool isKept(std::uint32_t page) const { return kept_ && kept_->has(page); }
+  /// That this takes.
+  double keptSeconds() const { return kept_ ? kept_->readSeconds() : 0.0; }
   /// Seconds that the calling thread has waited in pin(), of any cache, since it began: for what is
   /// read, for threads that load the same page, and for room. Unpacking is work.
   static double secondsWaited();
@@ -106,6 +114,7 @@ class PageCache {
   bool giveUp(std::size_t place);
   void unpin(std::uint32_t page);
   Pin load(std::uint32_t page, std::span<const std::byte> packed);
+  std::unique_ptr<Mesh> restore(std::uint32_t page);
   std::unique_ptr<Mesh> unpack(std::uint32_t page, std::span<const std::byte> packed);
   void readAhead(std::uint32_t page) const;
   void wait(std::unique_lock<std::mutex>& lock);
@@ -116,6 +125,7 @@ class PageCache {
   const PageTable& table_;
   const std::uint64_t limit_;
   const std::uint32_t materials_;
+  const std::unique_ptr<UnpackedPages> kept_;
   Mesh grid_;
   std::vector<Slot> slots_;
   mutable std::mutex mutex_;  ///< of everything below
@@ -132,9 +142,9 @@ class PagedMesh {
   using Pin = PageCache::Pin;
 
   /// `cacheBytes`: limit of pages in memory. Throws std::invalid_argument if it is less than a
-  /// page. `materials`: those of clusters are below.
+  /// page. `materials`: those of clusters are below. `kept`: as PageCache's.
   PagedMesh(PageTable table, std::unique_ptr<PageFile> file, std::uint64_t cacheBytes,
-            std::uint32_t materials = 0xffffffffu);
+            std::uint32_t materials = 0xffffffffu, std::unique_ptr<UnpackedPages> kept = {});
 
   const PageTable& table() const { return table_; }
   PageCache::Statistics statistics() const { return cache_.statistics(); }

@@ -220,10 +220,9 @@ ClusterPage unpackPage(const PageFile& file, const PageTable& table, std::uint32
 Mesh Mesh::fromPage(const ClusterPage& page, const Mesh& grid) {
   layout::Header header;
   std::memcpy(&header, grid.bytes().data(), sizeof(header));
-  const std::size_t start = (sizeof(header) + 4 * page.count() + layout::kBlobUnit - 1) /
-                            layout::kBlobUnit * layout::kBlobUnit;
+  const std::size_t start = pageBytes(page.count(), 0);
   header.clusterCount = static_cast<std::uint32_t>(page.count());
-  header.byteSize = start + page.bytes.size();
+  header.byteSize = pageBytes(page.count(), page.bytes.size());
   auto bytes = std::make_shared<std::vector<std::byte>>(header.byteSize);
   std::memcpy(bytes->data(), &header, sizeof(header));
   for (std::size_t i = 0; i < page.count(); ++i) {
@@ -233,6 +232,17 @@ Mesh Mesh::fromPage(const ClusterPage& page, const Mesh& grid) {
   if (!page.bytes.empty()) std::memcpy(bytes->data() + start, page.bytes.data(), page.bytes.size());
   const std::span<const std::byte> view(*bytes);
   return Mesh(view, std::move(bytes), grid);
+}
+
+Mesh Mesh::fromPageAgain(std::span<const std::byte> bytes, std::shared_ptr<const void> owner,
+                         const Mesh& grid) {
+  return Mesh(bytes, std::move(owner), grid);
+}
+
+std::size_t Mesh::pageBytes(std::size_t clusters, std::size_t blobs) {
+  return (sizeof(layout::Header) + 4 * clusters + layout::kBlobUnit - 1) / layout::kBlobUnit *
+             layout::kBlobUnit +
+         blobs;
 }
 
 }  // namespace hccm

@@ -87,6 +87,11 @@ struct FilePart {
   std::span<std::byte> out{};
 };
 
+/// What a read takes, as far as is known before there was one; a bandwidth of 0: not known.
+struct FileSpeed {
+  double latency = 0.0, bandwidth = 0.0;  ///< seconds; bytes a second
+};
+
 /// Where the packed pages lie. Thread safe.
 class PageFile {
  public:
@@ -100,6 +105,7 @@ class PageFile {
   /// Parts that readAll() had better be given at once: more than one where each question takes long
   /// to be answered, however little it asks for.
   virtual unsigned partsAtOnce() const { return 1; }
+  virtual FileSpeed speed() const { return {}; }
   /// May fetch a range ahead of its use; returns at once.
   virtual void readAhead(std::uint64_t offset, std::uint64_t bytes) const = 0;
   /// "FILE, byte N", for messages.

@@ -101,6 +101,10 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
        "Memory for paths that wait for pages where these don't fit, such as 512M, auto or off "
        "(threads wait)")
       ->capture_default_str();
+  c->add_option("--page-disk", a->pageDisk,
+                "Disk for pages that were unpacked once where these don't fit in memory, such as "
+                "20G, auto (half of what is free) or off: a temporary file beside the picture")
+      ->capture_default_str();
   c->add_option("--trace", a->trace,
                 "File for the timelines of loading and tracing where paths wait for pages: .svg or "
                 ".html a picture, else JSON for Chrome's and Perfetto's viewers");

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "src/bundle/page_disk.h"
 #include "src/command/interrupt.h"
 #include "src/command/parse.h"
 #include "src/core/clock.h"
@@ -23,6 +24,8 @@
 namespace trex {
 namespace {
 
+namespace fs = std::filesystem;
+
 /// Throws Error(kOutput) if it can't be written, and removes what killed processes left beside it.
 void checkOutput(const std::filesystem::path& file) {
   checkWritable(file);
@@ -32,7 +35,6 @@ void checkOutput(const std::filesystem::path& file) {
 }
 
 void checkOutputs(const std::vector<View>& views, const std::string& checkpoint) {
-  namespace fs = std::filesystem;
   for (const View& view : views) {
     checkOutput(view.output);
     if (!checkpoint.empty() &&
@@ -101,16 +103,30 @@ std::uint64_t cacheFor(RenderArguments& a, const Scene& scene, const PagedSizes&
   return std::min(cache, paged.pages);
 }
 
+/// Where there is room for what does not fit in memory: beside the picture; a machine that writes
+/// none has its folder for such files.
+fs::path folderFor(const RenderArguments& a, const RenderSource& source) {
+  return source.writes ? fs::absolute(a.output).parent_path() : fs::temp_directory_path();
+}
+
+/// For pages that were unpacked.
+PageDisk diskFor(const RenderArguments& a, const RenderSource& source, std::uint64_t pages) {
+  if (a.pageDisk == "off" || pages == 0) return {};
+  const fs::path folder = folderFor(a, source);
+  const std::uint64_t bytes =
+      a.pageDisk == "auto" ? std::min(spareDisk(folder), 2 * pages) : parseBytes(a.pageDisk);
+  logVerbose("disk: {:>10} in {} for pages that were unpacked", formatBytes(bytes),
+             folder.string());
+  return {folder, bytes};
+}
+
 /// What the model is opened with, before its scene is known.
 OpenOptions optionsOf(const RenderArguments& a, const RenderSource& source) {
   OpenOptions open;
   open.useStale = a.stale == "use";
   open.import = a.import;
   open.import.maxMemory = a.settings.maxMemory;
-  // Beside the picture there is room for textures that do not fit; elsewhere nothing is put aside.
-  open.import.textures =
-      textureCacheFor(a.settings, source.writes ? std::filesystem::absolute(a.output).parent_path()
-                                                : std::filesystem::temp_directory_path());
+  open.import.textures = textureCacheFor(a.settings, folderFor(a, source));
   open.model.voxels = a.settings.exact < 1.0;
   open.model.voxelDepth = voxelDepthFor(std::uint64_t{a.settings.width} * a.settings.height);
   if (source.made) return open;  // environment and volumes are in it
@@ -146,6 +162,8 @@ void openForRender(RenderArguments& a, const RenderSource& source, OpenedRender&
         preflight(scene, a.settings, layersOf(a), model.bakedVoxels, model.paged.topLevel);
     model.voxelBytes = fit.voxelBytes;
     model.cacheBytes = cacheFor(a, scene, model.paged, fit);
+    if (model.cacheBytes < model.paged.pages)
+      model.pageDisk = diskFor(a, source, model.paged.pages);
     out.built = model;
     catchInterrupts();
     const bool device = model.voxels && a.settings.device != RenderSettings::kNoDevice;

@@ -53,9 +53,13 @@ nlohmann::json machineRows(const machines::Leader& leader, const SessionReport& 
   auto rows = leader.rows();
   rows[0].device = own.device;
   rows[0].times = {processorSeconds(),    own.photonSeconds,   own.traffic.waiting,
-                   own.traffic.unpacking, own.traffic.reading, own.pages.loads};
+                   own.traffic.unpacking, own.traffic.reading, own.pages.loads,
+                   own.pages.restored};
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const machines::MachineRow& row = rows[i];
+    const auto measured = [&](double value) {
+      return row.link.known() ? nlohmann::json(value) : nlohmann::json();
+    };
     out.push_back({{"machine", i},
                    {"host", row.host},
                    {"threads", row.threads},
@@ -72,6 +76,9 @@ nlohmann::json machineRows(const machines::Leader& leader, const SessionReport& 
                    {"unpacking_thread_seconds", row.times.unpacking},
                    {"reading_thread_seconds", row.times.reading},
                    {"page_loads", row.times.pageLoads},
+                   {"page_loads_restored", row.times.pagesRestored},
+                   {"link_round_trip_seconds", measured(row.link.roundTrip)},
+                   {"link_bytes_a_second", measured(row.link.bandwidth)},
                    {"model_bytes_sent", row.servedBytes},
                    {"peak_resident_bytes", row.peakBytes}});
   }
@@ -159,7 +166,9 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
   out["page_peak_bytes"] = r.pages.peakBytes;
   out["page_loads"] = r.pages.loads;
   out["page_evictions"] = r.pages.evictions;
+  out["page_loads_restored"] = r.pages.restored;
   out["page_bytes_read"] = r.pages.bytesRead;
+  out["page_disk_bytes"] = r.pages.keptBytes;
   out["ray_memory_bytes"] = a.settings.rayMemory;
   if (a.settings.rayMemory == 0) return out;
   out["page_loads_on_demand"] = r.pages.loads - r.traffic.loads;
@@ -169,6 +178,8 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
   out["reading_thread_seconds"] = r.traffic.reading;
   out["pages_read_ahead"] = r.traffic.readAhead;
   out["pages_read_in_vain"] = r.traffic.readInVain;
+  out["rays_that_waited"] = r.traffic.rays;
+  out["ray_waits"] = r.traffic.waits;
   return out;
 }
 

@@ -8,6 +8,7 @@
 
 #include "src/bench/cold_pages.h"
 #include "src/bundle/bundle.h"
+#include "src/bundle/page_disk.h"
 #include "src/command/parse.h"
 #include "src/core/clock.h"
 #include "src/core/error.h"
@@ -21,12 +22,13 @@ using Json = nlohmann::ordered_json;
 
 struct Way {
   const char* name;
-  bool all, waits, predicts;
+  bool all, waits, predicts, keeps;
 };
-constexpr Way kWays[] = {{"all in memory", true, false, false},
-                         {"on demand", false, false, false},
-                         {"batched", false, true, false},
-                         {"batched, predicted", false, true, true}};
+constexpr Way kWays[] = {{"all in memory", true, false, false, false},
+                         {"on demand", false, false, false, false},
+                         {"batched", false, true, false, false},
+                         {"batched, predicted", false, true, true, false},
+                         {"same, kept unpacked", false, true, true, true}};
 
 struct Rendered {
   Json row;
@@ -56,6 +58,8 @@ Rendered render(const LiveArguments& a, const Way& way) {
     }
     const double share = a.cacheShare * static_cast<double>(model.paged.pages);
     model.cacheBytes = way.all ? 0 : std::max<std::uint64_t>(static_cast<std::uint64_t>(share), 1);
+    const auto folder = std::filesystem::temp_directory_path();
+    if (way.keeps) model.pageDisk = {folder, std::min(spareDisk(folder), 2 * model.paged.pages)};
   };
   const auto model = std::make_shared<const Model>(openModel(a.bundle, open));
   RenderSettings settings;
@@ -80,6 +84,7 @@ Rendered render(const LiveArguments& a, const Way& way) {
              {"photons", r.photons},
              {"photon_seconds", r.photonSeconds},
              {"page_loads", r.pages.loads},
+             {"page_loads_restored", r.pages.restored},
              {"pages", r.mesh.pages},
              {"page_cache_bytes", r.mesh.cacheBytes},
              {"page_peak_bytes", r.pages.peakBytes}};
@@ -120,24 +125,26 @@ nlohmann::ordered_json benchLive(const LiveArguments& a) {
 }
 
 void printLive(const nlohmann::ordered_json& document) {
-  fmt::print("{:<19} {:>7} {:>9} {:>11} {:>10} {:>13} {:>6} {:>8} {:>9} {:>5}\n", "", "samples",
-             "seconds", "processors", "loads", "loads/sample", "ahead", "waiting", "unpacking",
-             "same");
+  fmt::print("{:<19} {:>7} {:>9} {:>11} {:>10} {:>10} {:>13} {:>6} {:>8} {:>9} {:>5}\n", "",
+             "samples", "seconds", "processors", "loads", "unpacked", "loads/sample", "ahead",
+             "waiting", "unpacking", "same");
   for (const Json& r : document["rows"]) {
     const auto share = [&](const char* key) {
       return r.contains(key) ? fmt::format("{:.1f} %", 100.0 * r[key].get<double>())
                              : std::string();
     };
     const bool same = r.value("same_bytes", false);
-    fmt::print("{:<19} {:>7} {:>7.2f} s {:>9.2f} s {:>10} {:>13.0f} {:>6} {:>8} {:>9} {:>5}\n",
-               r["way"].get<std::string>(), r["samples"].get<int>(), r["seconds"].get<double>(),
-               r["processor_seconds"].get<double>(), r["page_loads"].get<std::uint64_t>(),
-               r["page_loads"].get<double>() / r["samples"].get<double>(),
-               r.contains("pages_read_ahead")
-                   ? fmt::format("{}", r["pages_read_ahead"].get<std::uint64_t>())
-                   : std::string(),
-               share("waiting_share"), share("unpacking_share"),
-               r.contains("same_bytes") ? (same ? "yes" : "NO") : "");
+    const std::uint64_t loads = r["page_loads"], restored = r["page_loads_restored"];
+    fmt::print(
+        "{:<19} {:>7} {:>7.2f} s {:>9.2f} s {:>10} {:>10} {:>13.0f} {:>6} {:>8} {:>9} {:>5}\n",
+        r["way"].get<std::string>(), r["samples"].get<int>(), r["seconds"].get<double>(),
+        r["processor_seconds"].get<double>(), loads, loads - restored,
+        static_cast<double>(loads) / r["samples"].get<double>(),
+        r.contains("pages_read_ahead")
+            ? fmt::format("{}", r["pages_read_ahead"].get<std::uint64_t>())
+            : std::string(),
+        share("waiting_share"), share("unpacking_share"),
+        r.contains("same_bytes") ? (same ? "yes" : "NO") : "");
   }
 }
 

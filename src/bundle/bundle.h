@@ -52,8 +52,9 @@ BundleContents readBundle(std::span<const std::byte> bytes, std::shared_ptr<cons
                           const std::string& name, const BundleReadOptions& options = {});
 
 /// Gives the parts their paged mesh, if the bundle has one, with a limit of pages in memory (0:
-/// all). Throws Error(kMemoryOrDevice) if the limit is less than a page.
-void attachPages(BundleContents& contents, std::uint64_t cacheBytes);
+/// all), and a file for those that were unpacked where not all fit. Throws Error(kMemoryOrDevice)
+/// if the limit is less than a page.
+void attachPages(BundleContents& contents, std::uint64_t cacheBytes, const PageDisk& disk = {});
 
 /// A read-only map of a whole file. Throws Error(kInput).
 std::shared_ptr<const std::span<const std::byte>> mapFile(const std::filesystem::path& path);

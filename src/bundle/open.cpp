@@ -12,6 +12,7 @@
 #include "asvo/medium.h"
 #include "src/bundle/arrays.h"
 #include "src/bundle/bundle.h"
+#include "src/bundle/page_disk.h"
 #include "src/bundle/page_file.h"
 #include "src/core/clock.h"
 #include "src/core/error.h"
@@ -247,7 +248,7 @@ BundleContents readBundle(Bytes bytes, std::shared_ptr<const void> owner, const 
   return out;
 }
 
-void attachPages(BundleContents& contents, std::uint64_t cacheBytes) {
+void attachPages(BundleContents& contents, std::uint64_t cacheBytes, const PageDisk& disk) {
   if (!contents.pageTable) return;
   hccm::PageTable& table = *contents.pageTable;
   const std::uint64_t least = hccm::PageCache::leastBytes(table);
@@ -261,8 +262,9 @@ void attachPages(BundleContents& contents, std::uint64_t cacheBytes) {
          contents.description.scene.source, formatBytes(cacheBytes), formatBytes(least));
   }
   const auto materials = static_cast<std::uint32_t>(contents.description.scene.materials.size());
+  auto kept = openUnpackedPages(disk.folder, cacheBytes < all ? disk.bytes : 0, table.pages.size());
   contents.parts.paged = std::make_unique<hccm::PagedMesh>(
-      std::move(table), std::move(contents.pageFile), cacheBytes, materials);
+      std::move(table), std::move(contents.pageFile), cacheBytes, materials, std::move(kept));
   contents.pageTable.reset();
 }
 
@@ -299,7 +301,7 @@ Model modelOf(BundleContents contents, const OpenOptions& options) {
   wanted.paged = sizesOf(contents);
   wanted.bakedVoxels = contents.voxels ? bytesOf(*contents.voxels) : 0;
   if (options.prepare) options.prepare(scene, wanted);
-  attachPages(contents, wanted.cacheBytes);
+  attachPages(contents, wanted.cacheBytes, wanted.pageDisk);
   Model model;
   model.scene = std::move(scene);
   const double start = secondsNow();

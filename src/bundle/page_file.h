@@ -84,6 +84,7 @@ class PagesWithin : public hccm::PageFile {
     file_->readAll(within);
   }
   unsigned partsAtOnce() const override { return file_->partsAtOnce(); }
+  hccm::FileSpeed speed() const override { return file_->speed(); }
   void readAhead(std::uint64_t offset, std::uint64_t bytes) const override {
     file_->readAhead(start_ + offset, bytes);
   }

@@ -38,6 +38,7 @@ void readSettings(RenderArguments& a) {
   // Wrong whether or not the model has pages that ask for it.
   if (!a.cache.empty()) parseBytes(a.cache);
   if (a.rayMemory != "auto" && a.rayMemory != "off") parseBytes(a.rayMemory);
+  if (a.pageDisk != "auto" && a.pageDisk != "off") parseBytes(a.pageDisk);
   if (s.samples == 0 && s.seconds == 0.0 && s.error == 0.0) s.samples = 64;
   s.device = parseDevice(a.device);
   s.guess = a.guess == "ray"    ? GuessKind::kRay

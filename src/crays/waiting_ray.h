@@ -31,6 +31,7 @@ struct WaitingRay {
   bool answered : 1 = false;  ///< the answer is known
   bool blocked : 1 = false;   ///< of occludedHere(): something is there
   bool passed : 1 = false;    ///< of that: something that lets light pass was met (not if blocked)
+  bool waited : 1 = false;    ///< it is counted among those that have waited
 
   bool hit() const { return best.cluster != hccm::Hit::kNothing; }
   /// The page that it waits for.

@@ -120,6 +120,7 @@ void Leader::forget(std::uint32_t machine) {
   if (m.state == State::kGone) return;
   m.state = State::kGone;
   m.at.reset();
+  dropProbeOf(machine);
   lose(machine);
   if (!stopped_) logWarning("{}: has ended; others take its jobs", nameOf(machine));
   dealAll();

@@ -13,6 +13,7 @@
 #pragma once
 
 #include <condition_variable>
+#include <deque>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -22,6 +23,7 @@
 
 #include "src/machines/jobs.h"
 #include "src/machines/link.h"
+#include "src/machines/link_probe.h"
 #include "src/machines/page_server.h"
 #include "src/machines/photon_parts.h"
 #include "src/session/taken_samples.h"
@@ -44,6 +46,7 @@ struct MachineRow {
   std::uint64_t photons = 0;      ///< that it shot, and that count
   std::uint64_t servedBytes = 0;  ///< of the model, sent to it
   std::uint64_t peakBytes = 0;    ///< resident; 0 before its first result
+  LinkSpeed link;                 ///< between it and machine 0
 };
 
 /// Who gives machines other work than that of a render (servers.h). Called with the leader's lock
@@ -162,6 +165,10 @@ class Leader : public SampleSharer {
   void answerAll();
   void sendParts(std::uint32_t to, const PhotonParts& parts);
   void dealPhotons(std::uint32_t machine);
+  void probe(std::uint32_t machine);
+  void askProbe();
+  void dropProbeOf(std::uint32_t machine);
+  void hearProbed(std::uint32_t from, const Probed& answer);
 
   Hello self_;
   mutable std::mutex mutex_;
@@ -183,6 +190,8 @@ class Leader : public SampleSharer {
   std::optional<PhotonParts> batch_;           ///< under way
   std::map<std::uint64_t, PhotonParts> kept_;  ///< batches that are past, by first photon
   std::uint64_t keptBytes_ = 0, photonsDone_ = 0;
+  std::deque<std::pair<std::uint32_t, LinkProbe>> probes_;  ///< machines to be measured, in turn
+  std::uint32_t probed_ = 0;                                ///< questions
   double pinged_ = 0.0;
   bool stopped_ = false, finished_ = false, broken_ = false;
   PageServer server_;

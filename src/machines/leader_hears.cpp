@@ -55,6 +55,8 @@ void Leader::hear(std::uint32_t from, Kind kind, ByteView body) {
       break;
     case Kind::kLit:
       if (listener_ != nullptr) listener_->lit(from, decode<Lit>(body));
+    case Kind::kProbed:
+      hearProbed(from, decode<Probed>(body));
       break;
     case Kind::kPong:
       break;
@@ -101,6 +103,9 @@ void Leader::greet(std::uint32_t from, const Hello& hello) {
                instructionText(hello.instructions), instructionText(self_.instructions));
   }
   if (welcome_) sendWelcome(from);
+  // While it waits for what there is to open; one that opens its own copy has no processor to
+  // spare.
+  if (!welcome_ || !welcome_->local) probe(from);
 }
 
 void Leader::checkReady(std::uint32_t from) {
@@ -116,6 +121,7 @@ void Leader::checkReady(std::uint32_t from) {
   }
   m.ready = true;
   if (m.state == State::kGreeted) m.state = State::kReady;
+  if (welcome_ && welcome_->local) probe(from);
   bringIn(from);
 }
 
@@ -180,6 +186,7 @@ void Leader::tick() {
     if (!answers || now - m.heard < kSilentSeconds) continue;
     logWarning("{}: has not answered for {:.0f} s; others take its jobs", nameOf(i), now - m.heard);
     m.state = State::kSilent;
+    dropProbeOf(i);
     lose(i);
     changed_.notify_all();
   }

@@ -49,6 +49,7 @@ enum class Kind : std::uint16_t {
   kFetch,      ///< parts of files are wanted
   kAtPhotons,  ///< a batch of photons is wanted
   kShot,       ///< some photons of it
+  kProbed,     ///< the bytes of kProbe are here
   kPong,
   kFailed,  ///< can't go on
   kBye,     ///< the last
@@ -63,6 +64,8 @@ enum class Kind : std::uint16_t {
   kShoot,    ///< some photons of a batch are to be shot
   kPhotons,  ///< some that another machine has shot
   kAlone,    ///< shoot the batch alone: it is past
+  kProbe,    ///< bytes whose way is measured
+  kLink,     ///< what was measured
   kPing,
   kStop,
   // Of a window. To machine 0:
@@ -163,10 +166,10 @@ struct MachineTimes {
   double processor = 0.0;  ///< processorSeconds(), since the program began
   double photons = 0.0;    ///< of the machine: shooting, and waiting for what others shoot
   double waiting = 0.0, unpacking = 0.0, reading = 0.0;  ///< as PageTrafficReport
-  std::uint64_t pageLoads = 0;
+  std::uint64_t pageLoads = 0, pagesRestored = 0;        ///< the latter of the former
   template <class F>
   void fields(F&& f) {
-    f(processor), f(photons), f(waiting), f(unpacking), f(reading), f(pageLoads);
+    f(processor), f(photons), f(waiting), f(unpacking), f(reading), f(pageLoads), f(pagesRestored);
   }
 };
 
@@ -319,6 +322,34 @@ struct Lent {
   template <class F>
   void fields(F&& f) {
     f(edit), f(id), f(light), f(photons), f(contents), f(units), f(shares);
+  }
+};
+
+struct Probe {
+  static constexpr Kind kKind = Kind::kProbe;
+  std::uint32_t number = 0;  ///< of the question
+  Bytes bytes;
+  template <class F>
+  void fields(F&& f) {
+    f(number), f(bytes);
+  }
+};
+
+struct Probed {
+  static constexpr Kind kKind = Kind::kProbed;
+  std::uint32_t number = 0;
+  template <class F>
+  void fields(F&& f) {
+    f(number);
+  }
+};
+
+struct LinkFound {
+  static constexpr Kind kKind = Kind::kLink;
+  double roundTrip = 0.0, bandwidth = 0.0;  ///< as LinkSpeed
+  template <class F>
+  void fields(F&& f) {
+    f(roundTrip), f(bandwidth);
   }
 };
 

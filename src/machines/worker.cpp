@@ -12,9 +12,6 @@ namespace trex::machines {
 namespace {
 
 constexpr std::uint32_t kPartBytes = 4u << 20;  // of a file, asked for at once
-// Pages in a question: it takes as long as several pages do to travel, most of it for threads that
-// do something else.
-constexpr unsigned kPartsAtOnce = 8;
 constexpr std::uint64_t kMostUnits = 1u << 20;  // of a job that is no mistake
 
 /// The settings of a session that makes no picture of its own.
@@ -68,7 +65,11 @@ class Worker::RemoteFile : public hccm::PageFile {
       parts = parts.subspan(count);
     }
   }
-  unsigned partsAtOnce() const override { return kPartsAtOnce; }
+  unsigned partsAtOnce() const override { return pagesAtOnce(worker_.linkSpeed()); }
+  hccm::FileSpeed speed() const override {
+    const LinkSpeed link = worker_.linkSpeed();
+    return {link.roundTrip, link.bandwidth};
+  }
   void readAhead(std::uint64_t, std::uint64_t) const override {}
   std::string place(std::uint64_t offset) const override {
     return fmt::format("{} of machine 0, byte {}", name_, offset);
@@ -117,6 +118,17 @@ void Worker::hear(Kind kind, ByteView body) {
         throw MessageError("nobody asked for this part");
       at->second = std::move(part.bytes);
       changed_.notify_all();
+      return;
+    }
+    case Kind::kProbe:
+      link_.send(0, Probed{decode<Probe>(body).number});
+      return;
+    case Kind::kLink: {
+      const auto found = decode<LinkFound>(body);
+      const LinkSpeed speed{found.roundTrip, found.bandwidth};
+      if (!isPossible(speed)) throw MessageError("no link is so fast");
+      const std::lock_guard lock(mutex_);
+      speed_ = speed;
       return;
     }
     case Kind::kShoot:
@@ -173,6 +185,11 @@ std::optional<Welcome> Worker::awaitWelcome() {
   } catch (const MessageError& e) {
     fail(ExitCode::kFailed, "machine 0: a message can't be read: {}", e.what());
   }
+}
+
+LinkSpeed Worker::linkSpeed() {
+  const std::lock_guard lock(mutex_);
+  return speed_;
 }
 
 std::unique_ptr<hccm::PageFile> Worker::file(std::uint32_t number, const std::string& name) {
@@ -267,7 +284,8 @@ void Worker::sendResult(Result result, const RayCounts& rays, const Session& ses
   const SessionReport done = session.report();
   result.device = done.device;
   result.times = {processorSeconds(),     done.photonSeconds,   done.traffic.waiting,
-                  done.traffic.unpacking, done.traffic.reading, done.pages.loads};
+                  done.traffic.unpacking, done.traffic.reading, done.pages.loads,
+                  done.pages.restored};
   result.cRays = rays.cRays;
   result.shadowRays = rays.shadowRays;
   result.cones = rays.cones;

@@ -12,6 +12,7 @@
 
 #include "hccmesh/pages.h"
 #include "src/machines/link.h"
+#include "src/machines/link_probe.h"
 #include "src/machines/photon_parts.h"
 #include "src/scene/scene.h"
 #include "src/session/model.h"
@@ -73,6 +74,7 @@ class Worker : public PhotonSharer {
   void hear(Kind kind, ByteView body);
   void hearOfPhotons(Kind kind, ByteView body);
   void broken(const Error& error);
+  LinkSpeed linkSpeed();
   void read(std::uint32_t file, std::span<const hccm::FilePart> parts);
   void setView(Work& work, const SetView& message, std::uint32_t begun);
   void startPass(Work& work, Pass pass);
@@ -85,6 +87,7 @@ class Worker : public PhotonSharer {
   bool stopped_ = false;
   std::map<std::uint64_t, Bytes> parts_;  ///< that were asked for; empty until they come
   std::uint64_t questions_ = 0;
+  LinkSpeed speed_;                      ///< of the link to machine 0
   std::uint32_t view_ = ~0u;             ///< whose photons are shot
   std::optional<PhotonParts> batch_;     ///< that it waits for
   std::deque<ShootPhotons> photonJobs_;  ///< of it

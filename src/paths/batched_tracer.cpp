@@ -87,9 +87,9 @@ void BatchedTracer::Worker::answer(std::uint32_t ray) {
 
 /// The ray waits for its page.
 void BatchedTracer::Worker::park(std::uint32_t job, bool shadow) {
-  const WaitingPath& path = batch.paths[job];
-  const std::uint32_t page = rays.awaited(shadow ? path.shadow : path.ray);
-  batch.rounds->wait(2 * job + (shadow ? 1 : 0), page, done);
+  WaitingPath& path = batch.paths[job];
+  WaitingRay& ray = shadow ? path.shadow : path.ray;
+  batch.rounds->wait(2 * job + (shadow ? 1 : 0), ray, rays.awaited(ray), done);
 }
 
 /// Whether it is known what arrives of the light that the path asks for; else its ray waits.

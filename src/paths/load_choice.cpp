@@ -13,6 +13,7 @@ constexpr int kSteps = 2;               // of the forecast, as of the simulated 
 constexpr double kFirstBytes = 50e6;    // a second, until some were measured
 constexpr double kFirstRays = 5e5;      // likewise
 constexpr double kFirstUnpacked = 1e8;  // bytes, likewise
+constexpr double kKeptBytes = 1e12;     // a second: it is the latency that is measured
 constexpr std::uint64_t kPlansAFit = 16;
 constexpr double kPatience = 0.5;  // see worth(); of 0, 0.1 and 0.5 that with fewest loads
 
@@ -58,8 +59,8 @@ LoadChoice::LoadChoice(const hccm::PageTable& table, bool predict)
       queued_(blocks_ + 1),
       share_(blocks_),
       forecast_(blocks_ + 1) {
-  graph_.memories = {{"disk"}, {"memory"}};
-  graph_.channels = {{"pages", kFirstBytes, 0.0, {{0, 1}}}};
+  graph_.memories = {{"disk"}, {"memory"}, {"unpacked"}};
+  graph_.channels = {{"pages", kFirstBytes, 0.0, {{0, 1}}}, {"kept", kKeptBytes, 0.0, {{2, 1}}}};
   graph_.devices = {{"tracing", 1, 1}};
   timing_.set(0, 0, {0.0, {1.0 / kFirstRays, 1.0 / kFirstUnpacked}});
 }
@@ -69,6 +70,12 @@ void LoadChoice::begin(const hccm::PageCache& cache, const PageQueues& queues,
   cache_ = &cache;
   queues_ = &queues;
   record_ = record;
+  if (const hccm::FileSpeed file = cache.file().speed(); brought_.empty() && file.bandwidth > 0.0) {
+    graph_.channels[0].latency = file.latency;
+    graph_.channels[0].bandwidth = file.bandwidth;
+    readSeconds_ = graph_.channels[0].seconds(static_cast<double>(table_.packedBytes()) /
+                                              static_cast<double>(table_.pages.size()));
+  }
   chosen_.clear();
   ahead_.clear();
   going_.clear();
@@ -138,7 +145,7 @@ std::vector<std::uint32_t> LoadChoice::expectedMost() const {
   std::vector<Ranked> coming;
   for (std::uint32_t p = 0; p < pages_.size(); ++p) {
     const double rays = expected(p);
-    if (rays < kLeastAhead || pages_[p].coming) continue;
+    if (rays < kLeastAhead || pages_[p].coming || cache_->isKept(p)) continue;
     if (queues_->waiting(p) == 0 && !cache_->isHere(p)) coming.push_back({-rays, p});
   }
   return firstOf(coming, std::max(kCandidates, pages_.size() / kListed));
@@ -195,7 +202,11 @@ void LoadChoice::choose() {
   fit();
   chosen_.clear();
   const std::vector<std::uint32_t> wanted = candidates();
-  if (!wanted.empty()) planLoads(wanted);
+  const bool plans = std::any_of(wanted.begin(), wanted.end(),
+                                 [&](std::uint32_t page) { return !cache_->isKept(page); });
+  if (plans) return planLoads(wanted);
+  // No channel is worth a plan: what is worth most comes first.
+  chosen_.assign(wanted.rbegin(), wanted.rend());
 }
 
 /// Plans their loads.
@@ -206,9 +217,14 @@ void LoadChoice::planLoads(const std::vector<std::uint32_t>& wanted) {
   double bytes = 0.0, room = static_cast<double>(cache_->limit() - cache_->statistics().bytes);
   for (const std::uint32_t page : wanted) {
     const double rays = queues_->waiting(page), size = static_cast<double>(bytesOf(page));
-    s.jobs.push_back(
-        {0, {static_cast<std::uint32_t>(s.items.size())}, {rays, size}, worth(page), 0.0, 0.0});
-    s.items.push_back({size, 1, false, 0.0, 0.0});
+    const bool kept = cache_->isKept(page);
+    s.jobs.push_back({0,
+                      {static_cast<std::uint32_t>(s.items.size())},
+                      {rays, kept ? 0.0 : size},
+                      worth(page),
+                      0.0,
+                      0.0});
+    s.items.push_back({size, kept ? 5u : 1u, false, 0.0, 0.0});
     bytes += size;
   }
   for (const std::uint32_t page : free) {
@@ -216,6 +232,7 @@ void LoadChoice::planLoads(const std::vector<std::uint32_t>& wanted) {
     room += s.items.back().bytes;
   }
   graph_.memories[1].capacity = std::max(room, 1.0);
+  graph_.channels[1].latency = cache_->keptSeconds();
   const schedule::Routes routes(graph_, bytes / static_cast<double>(wanted.size()));
   s.graph = &graph_;
   s.routes = &routes;
@@ -258,7 +275,7 @@ std::optional<std::uint32_t> LoadChoice::ahead() {
   while (!ahead_.empty()) {
     const std::uint32_t page = ahead_.back();
     ahead_.pop_back();
-    if (cache_->isHere(page) || pages_[page].coming) continue;
+    if (cache_->isHere(page) || pages_[page].coming || cache_->isKept(page)) continue;
     pages_[page].coming = true;
     return page;
   }
@@ -271,7 +288,7 @@ void LoadChoice::read(std::uint64_t bytes, double seconds) {
   keep(brought_, broughtNext_, kSamples, static_cast<double>(bytes), seconds);
 }
 
-void LoadChoice::loaded(std::uint32_t page, double seconds) {
+void LoadChoice::loaded(std::uint32_t page, double seconds, bool kept) {
   Page& p = pages_[page];
   ++changes_;
   p.coming = false;
@@ -279,7 +296,7 @@ void LoadChoice::loaded(std::uint32_t page, double seconds) {
   if (!p.here) here_.push_back(page);
   p.here = true;
   ++loads_, ++loaded_;
-  keep(unpacked_, unpackedNext_, kSamples, static_cast<double>(bytesOf(page)), seconds);
+  if (!kept) keep(unpacked_, unpackedNext_, kSamples, static_cast<double>(bytesOf(page)), seconds);
 }
 
 std::optional<std::uint32_t> LoadChoice::victim() {

@@ -1,12 +1,13 @@
 // Which page is read next, which is unpacked, and which goes: decisions, no threads.
 //
 // The planner of src/schedule chooses, as it does for simulated machines: jobs are pages that rays
-// wait for, to be unpacked and traced; the machine is one channel that reads and one device, with
-// times fitted to what was measured so far. Blocks, runs of pages that lie close together, are the
-// stations of the forecast: shares of the rays traced in a block that went on to wait in each other
-// one. What is expected says which pages stay, which are better loaded once more rays wait (loads
-// are what takes the time, and nobody minds a ray that waits), and which are read before any ray
-// waits, where the channel has nothing else to do.
+// wait for, to be unpacked and traced; the machine is one channel that reads, one that brings pages
+// that were kept unpacked, and one device, with times fitted to what was measured so far. Blocks,
+// runs of pages that lie close together, are the stations of the forecast: shares of the rays
+// traced in a block that went on to wait in each other one. What is expected says which pages stay,
+// which are better loaded once more rays wait (loads are what takes the time, and nobody minds a
+// ray that waits), and which are read before any ray waits, where the channel has nothing else to
+// do.
 #pragma once
 
 #include <cstdint>
@@ -52,8 +53,8 @@ class LoadChoice {
   }
   /// A read has ended, of pages that take so many bytes in memory.
   void read(std::uint64_t bytes, double seconds);
-  /// A page was unpacked.
-  void loaded(std::uint32_t page, double seconds);
+  /// A page was unpacked, or had been `kept` so.
+  void loaded(std::uint32_t page, double seconds, bool kept = false);
   /// The page to give up; none if all that are there are in use.
   std::optional<std::uint32_t> victim();
   /// Rays are traced against a page, and were: so many, and these are the pages where they wait

@@ -42,7 +42,7 @@ bool PageRounds::next(PageWork& work, PageWorkDone& done, unsigned thread) {
   }
   done.start = secondsNow();
   waited_[thread] = hccm::PageCache::secondsWaited();
-  done.ended = 0;
+  done.ended = done.rays = 0;
   done.waits.clear();
   return true;
 }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "src/crays/ray_scene.h"
+#include "src/crays/waiting_ray.h"
 #include "src/paths/page_traffic.h"
 
 namespace trex {
@@ -32,9 +33,11 @@ class PageRounds {
   bool next(PageWork& work, PageWorkDone& done, unsigned thread);
   void finish(const PageWork& work, PageWorkDone& done, unsigned thread);
   /// A ray waits for a page. From here on its path may be another thread's.
-  void wait(std::uint32_t ray, std::uint32_t page, PageWorkDone& done) {
+  void wait(std::uint32_t number, WaitingRay& ray, std::uint32_t page, PageWorkDone& done) {
     done.waits.push_back(page);
-    traffic_.wait(ray, page);
+    if (!ray.waited) ++done.rays;
+    ray.waited = true;
+    traffic_.wait(number, page);
   }
   /// After run().
   const PageTrafficReport& report() const { return report_; }

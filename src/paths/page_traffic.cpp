@@ -101,7 +101,7 @@ bool PageTraffic::next(PageWork& work, unsigned thread) {
   std::unique_lock lock(mutex_);
   while (left_ > 0 && !stop_) {
     if (takeReady(work)) return true;
-    if (unpackOne(lock, thread) || readHere(lock, thread) || announceHere()) continue;
+    if (unpackOne(lock, thread) || takeKept() || readHere(lock, thread) || announceHere()) continue;
     wakeReader();
     const double start = secondsNow();
     ++idle_;
@@ -121,6 +121,8 @@ void PageTraffic::done(const PageWork& work, const PageWorkDone& what, unsigned 
   choice_.used(work.page, units, seconds, what.waits);
   left_ -= what.ended;
   report_.waiting += what.waited;
+  report_.rays += what.rays;
+  report_.waits += what.waits.size();
   // There may be more room for pages.
   if (left_ == 0 || idle_ > 0) work_.notify_all();
 }
@@ -172,6 +174,28 @@ bool PageTraffic::makeRoom(std::uint64_t bytes) {
   return true;
 }
 
+/// The page to read next need not be read: it is as if it had been. The lock is held.
+bool PageTraffic::takeKept() {
+  want();
+  if (!wanted_ || !cache_.isKept(*wanted_)) return false;
+  for (std::size_t i = packed_.size(); i > 0 && kept_ == kMostKept; --i) {
+    if (packed_[i - 1].kept && queues_.waiting(packed_[i - 1].page) == 0) drop(i - 1);
+  }
+  if (kept_ == kMostKept) return false;
+  packed_.push_back({*wanted_, false, {}, true});
+  wanted_.reset();
+  ++kept_;
+  return true;
+}
+
+/// The lock is held.
+void PageTraffic::want() {
+  if (wanted_) return;
+  choice_.toBegin(paths_ - next_);
+  wanted_ = choice_.next();
+  if (wanted_ && !cache_.isKept(*wanted_)) wakeReader();
+}
+
 /// Unpacks the page that is worth most, if rays wait for one that was read and there is room for
 /// it. The lock is held, but not meanwhile.
 bool PageTraffic::unpackOne(std::unique_lock<std::mutex>& lock, unsigned thread) {
@@ -189,6 +213,7 @@ bool PageTraffic::unpackOne(std::unique_lock<std::mutex>& lock, unsigned thread)
   if (best + 1 < packed_.size()) packed_[best] = std::move(packed_.back());
   packed_.pop_back();
   unpackingBytes_ += bytes;
+  kept_ -= packed.kept;
   lock.unlock();
   const double start = secondsNow();
   std::exception_ptr failed;
@@ -202,14 +227,14 @@ bool PageTraffic::unpackOne(std::unique_lock<std::mutex>& lock, unsigned thread)
   lock.lock();
   unpackingBytes_ -= bytes;
   packedBytes_ -= packed.bytes.size();
-  spare_.push_back(std::move(packed.bytes));
-  choice_.loaded(page, end - start);
+  if (!packed.kept) spare_.push_back(std::move(packed.bytes));
+  choice_.loaded(page, end - start, packed.kept);
   interval_ += 0.1 * (std::clamp(end - unpacked_, 1e-6, 1.0) - interval_);
   unpacked_ = end;
   report_.unpacking += end - start;
   ++report_.loads;
   report_.readAhead += packed.ahead;
-  wakeReader();
+  if (!packed.kept) wakeReader();  // there is room for another
   if (failed) {
     failLocked(std::move(failed));
   } else {
@@ -224,7 +249,8 @@ bool PageTraffic::unpackOne(std::unique_lock<std::mutex>& lock, unsigned thread)
 void PageTraffic::drop(std::size_t place) {
   choice_.putBack(packed_[place].page);
   packedBytes_ -= packed_[place].bytes.size();
-  ++report_.readInVain;
+  kept_ -= packed_[place].kept;
+  if (!packed_[place].kept) ++report_.readInVain;
   if (place + 1 < packed_.size()) packed_[place] = std::move(packed_.back());
   packed_.pop_back();
 }
@@ -259,10 +285,12 @@ std::optional<PageTraffic::Packed> PageTraffic::toRead(bool mayBeAhead) {
   std::size_t wanted = reading_;
   for (const Packed& p : packed_) wanted += queues_.waiting(p.page) > 0;
   if (wanted >= depth()) return {};
-  choice_.toBegin(paths_ - next_);
-  if (!wanted_) wanted_ = choice_.next();
+  while (takeKept()) {
+    if (idle_ > 0) work_.notify_one();
+  }
   if (wanted_) {
     const std::uint32_t page = *wanted_;
+    if (cache_.isKept(page)) return {};  // as many as can be are to be taken already
     const std::uint64_t bytes = choice_.packedBytesOf(page);
     if (!fits(bytes)) return {};
     wanted_.reset();

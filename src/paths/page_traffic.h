@@ -10,7 +10,9 @@
 // has nothing else to do, those where rays are expected. Else a thread without rays reads a page by
 // itself. Unpacking takes a processor and room in the cache, so nothing is unpacked before a ray
 // waits for it. A page stays as long as rays wait for it or are traced
-// against it (but a stage that loads on demand may drive it out: then its rays wait again).
+// against it (but a stage that loads on demand may drive it out: then its rays wait again). One
+// that the cache has kept since it was unpacked (PageCache::isKept()) takes hardly longer than a
+// look into memory, so a thread that traces gets it by itself.
 #pragma once
 
 #include <atomic>
@@ -39,12 +41,14 @@ struct PageTrafficReport {
   double waiting = 0.0;
   double unpacking = 0.0;       ///< of these, too
   double reading = 0.0;         ///< threads that read
-  std::uint64_t loads = 0;      ///< pages that were unpacked
+  std::uint64_t loads = 0;      ///< pages that were unpacked, or taken as they had been
   std::uint64_t readAhead = 0;  ///< of these, read before a ray waited for them
   std::uint64_t readInVain = 0;
+  std::uint64_t rays = 0, waits = 0;  ///< rays that have waited, and for how many pages in all
   void add(const PageTrafficReport& o) {
     tracing += o.tracing, waiting += o.waiting, unpacking += o.unpacking, reading += o.reading;
     loads += o.loads, readAhead += o.readAhead, readInVain += o.readInVain;
+    rays += o.rays, waits += o.waits;
   }
 };
 
@@ -62,6 +66,7 @@ struct PageWorkDone {
   double waited = 0.0;                 ///< of that, for pages that stages loaded on demand
   std::uint64_t ended = 0;             ///< paths
   std::vector<std::uint32_t> waits{};  ///< pages that rays wait for now, one each
+  std::uint64_t rays = 0;              ///< of these, that had not waited before
 };
 
 /// For one set of paths. Threads that trace call next() and done(); its own ones read.
@@ -102,12 +107,15 @@ class PageTraffic {
   /// Reads that are begun before their pages are needed, as a multiple of how many pages are
   /// unpacked meanwhile.
   static constexpr double kAhead = 8.0;
+  static constexpr std::size_t kMostKept =
+      16;  ///< kept pages that are chosen before a thread is free
 
   /// A page that was read, or is being read.
   struct Packed {
     std::uint32_t page;
     bool ahead;  ///< no ray had waited for it
     std::vector<std::byte> bytes;
+    bool kept = false;  ///< it was unpacked before, and nothing was read
   };
 
   struct Span {
@@ -120,6 +128,8 @@ class PageTraffic {
   void wakeReader();
   void announceLocked(std::uint32_t page);
   void failLocked(std::exception_ptr error);
+  bool takeKept();
+  void want();
   bool unpackOne(std::unique_lock<std::mutex>& lock, unsigned thread);
   bool makeRoom(std::uint64_t bytes);
 
@@ -147,6 +157,7 @@ class PageTraffic {
   std::uint64_t packedBytes_ = 0;  ///< of these, and of those that are being read or unpacked
   const unsigned atOnce_;          ///< pages that a thread reads at once
   std::uint64_t packedLimit_, largest_ = 0;  ///< largest_: packed page
+  std::size_t kept_ = 0;                     ///< of packed_, that need not be read
   std::optional<std::uint32_t> wanted_;      ///< the next to read, once there is room
   std::size_t reading_ = 0;                  ///< pages that are being read
   double unpacked_ = 0.0, interval_ = 1e-3;  ///< when a page was, and seconds from one to the next

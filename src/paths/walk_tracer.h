@@ -289,7 +289,7 @@ class WalkTracer::Waiting {
     do {
       if (!trace(record, end, page)) {
         record.random = sampler.state();
-        return turn.rounds.wait(i, page, turn.done);
+        return turn.rounds.wait(i, record.ray, page, turn.done);
       }
       record.ray = WaitingRay();
     } while (kind_.advance(record.walk, sampler, end, turn.found));

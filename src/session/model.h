@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <memory>
 #include <optional>
 
@@ -29,6 +30,12 @@ struct PagedSizes {
   std::uint64_t largest = 0;   ///< page
 };
 
+/// Disk for pages that were unpacked and do not fit in memory.
+struct PageDisk {
+  std::filesystem::path folder{};
+  std::uint64_t bytes = 0;  ///< of a file without a name there; 0: none
+};
+
 struct ModelOptions {
   bool voxels = true;            ///< build them if anything shines
   bool voxelsInTheDark = false;  ///< build them even if nothing does: edits may bring light
@@ -36,7 +43,8 @@ struct ModelOptions {
   std::uint64_t voxelBytes = 0;  ///< limit of their arrays with light; 0: none
   int precisionBits = 24;        ///< grid cells along a mesh's largest extent: 2^bits, 8..24
   std::uint64_t cacheBytes = 0;  ///< limit of pages in memory; 0: all of them
-  PagedSizes paged = {};         ///< set by who opens a bundle, before it asks for the others
+  PageDisk pageDisk = {};
+  PagedSizes paged = {};  ///< set by who opens a bundle, before it asks for the others
   /// Likewise: bytes of the bundle's voxels, which are in memory; nothing without a bundle.
   std::optional<std::uint64_t> bakedVoxels = {};
 };

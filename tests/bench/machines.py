@@ -2,7 +2,7 @@
 """Several machines on one: network namespaces with links of a given speed, and a share of the cores each. As root.
 
     machines.py --trex build/trex [--triangles 1e6] [--machines 1,2,4] [--megabits 1000,100] [--share 0.4] [--runs 1]
-                [--model FILE] [--by-machine]
+                [--model FILE] [--page-disk auto|off] [--by-machine]
     machines.py --trex build/trex --kill FOLDER [--triangles 1e6] [--share 0.4] [--runs 3]
 
     machines.py --trex build/trex --window [--megabits 100] [--share 0.4] [--triangles 1e6] [--runs 3]
@@ -207,6 +207,7 @@ def main():
     parser.add_argument("--spp", type=int, default=16)
     parser.add_argument("--size", default="320x180")
     parser.add_argument("--exact", default="1")
+    parser.add_argument("--page-disk", default="auto", help="as of trex render: where unpacked pages are kept")
     parser.add_argument("--model", help="a bundle that is there already, in place of --triangles")
     parser.add_argument("--by-machine", action="store_true", help="what each machine's time went into")
     parser.add_argument("--kill", help="folder of scripts/openmpi5: what a death costs")
@@ -239,7 +240,7 @@ def main():
         print(f"{a.model or a.triangles + ' triangles'}, {os.path.getsize(model) / 1e6:.1f} MB; {a.size}, {a.spp} samples, --exact {a.exact}; each machine "
               f"{a.share} of a core and {cache / 1e6:.1f} MB of pages")
         job = [model, "--size", a.size, "--spp", a.spp, "--exact", a.exact, "--device", "none", "--denoise", "off", "--threads", 1,
-               "--cache", cache, "--json"]
+               "--cache", cache, "--page-disk", a.page_disk, "--json"]
         if a.kill:
             kill_one(a, trex, folder, job)
             return 0
@@ -269,12 +270,16 @@ def main():
                           f"{reports[-1].get('machine_bytes_received', 0) / 1e6:10.1f} MB "
                           f"{max([r['peak_resident_bytes'] for r in rows[1:]], default=0) / 1e6:12.0f} MB", flush=True)
                     if a.by_machine and not rows:
-                        print(f"     {reports[-1]['page_loads']} loads; {used:.1f} s of processors")
+                        r = reports[-1]
+                        print(f"     {r['page_loads']} loads, {r['page_loads'] - r['page_loads_restored']} unpacked; {used:.1f} s of processors")
                     for r in rows if a.by_machine else []:
                         print(f"     machine {r['machine']}: {r['tile_samples']} tile samples in {r['tracing_seconds']:.1f} s "
                               f"(waiting {r['waiting_thread_seconds']:.1f}, unpacking {r['unpacking_thread_seconds']:.1f}), "
-                              f"{r['page_loads']} loads; {r['photons']} photons, {r['photon_seconds']:.1f} s; "
-                              f"reading threads {r['reading_thread_seconds']:.1f}; {r['processor_seconds']:.1f} s of processors", flush=True)
+                              f"{r['page_loads']} loads, {r['page_loads'] - r['page_loads_restored']} unpacked; {r['photons']} photons, "
+                              f"{r['photon_seconds']:.1f} s; reading threads {r['reading_thread_seconds']:.1f}; {r['processor_seconds']:.1f} s of "
+                              "processors"
+                              + (f"; link {8e-6 * r['link_bytes_a_second']:.0f} Mbit/s, {1e3 * r['link_round_trip_seconds']:.1f} ms"
+                                 if r["link_bytes_a_second"] else ""), flush=True)
                 machines.remove()
     finally:
         if machines:

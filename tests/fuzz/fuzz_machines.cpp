@@ -122,6 +122,15 @@ void read(ByteView message, std::uint32_t contents, std::size_t count) {
     case Kind::kLent:
       readAndWrite<Lent>(message, body);
       break;
+    case Kind::kProbe:
+      readAndWrite<Probe>(message, body);
+      break;
+    case Kind::kProbed:
+      readAndWrite<Probed>(message, body);
+      break;
+    case Kind::kLink:
+      readAndWrite<LinkFound>(message, body);
+      break;
     case Kind::kPong:
     case Kind::kBye:
     case Kind::kRest:

@@ -54,6 +54,9 @@ int main(int argc, char** argv) {
   write("photons", Photons{1, 0, 256, 256, 512, 0.0, photons});
   write("alone", ShootAlone{1, 256});
   write("failed", Failed{4, "no memory"});
+  write("probe", Probe{1, Bytes(16)});
+  write("probed", Probed{1});
+  write("link", LinkFound{1e-4, 1.25e8});
   write("stop", Stop{});
   write("lit", Lit{1, 4096});
   write("serve", Serve{640, 360, trex::machines::joinArguments({"a.trex", "--spp", "4"})});

@@ -101,6 +101,9 @@ struct Traced {
   std::vector<PathSample> samples;
   std::vector<RayCounts> counts;
   std::uint64_t loads = 0, onDemand = 0;  ///< of pages; of these, by stages
+  std::uint64_t restored = 0,
+                reads = 0;  ///< of the loads, those that unpacked nothing; of the file
+  std::uint64_t inVain = 0, pages = 0;
 };
 
 std::vector<PathJob> jobs() {
@@ -111,10 +114,11 @@ std::vector<PathJob> jobs() {
 }
 
 /// `pages`: that may be there; 0: no path waits for any.
+/// Likewise; see paged() for the rest.
 Traced trace(const std::vector<Material>& materials, std::uint64_t pages, int threads = 3,
-             bool fog = false) {
-  const Paged model =
-      paged(materials, pages == 0 ? 10'000 : pages, false, false, fog ? addFog : nullptr);
+             bool fog = false, double readSeconds = 0.0, std::uint64_t keptBytes = 0) {
+  const Paged model = paged(materials, pages == 0 ? 10'000 : pages, false, false,
+                            fog ? addFog : nullptr, readSeconds, 1, keptBytes);
   const LightSet lights(model.scene, *model.rays);
   const CameraRays camera(model.scene.cameras.front(), dvec3(0.0), kSide, kSide);
   const PathTracer tracer(model.scene, *model.rays, lights, camera, GuessOptions{}, 5);
@@ -134,6 +138,11 @@ Traced trace(const std::vector<Material>& materials, std::uint64_t pages, int th
   EXPECT_LE(pagesThen.peakBytes, model.cache().limit());
   out.loads = pagesThen.loads - before;
   out.onDemand = out.loads - std::min(out.loads, batched.report().loads);
+  out.restored = pagesThen.restored;
+  out.reads = dynamic_cast<const hccm::test::TestPages&>(model.cache().file()).reads;
+  out.inVain = batched.report().readInVain;
+  out.pages = model.mesh().table().pages.size();
+  EXPECT_GE(batched.report().waits, batched.report().rays);
   EXPECT_GT(pagesThen.loads, 0u);
   return out;
 }
@@ -159,6 +168,26 @@ TEST(BatchedTracer, SamplesAreThoseOfPathsThatDoNotWait) {
   EXPECT_GT(sum, 1.0);
   for (const std::uint64_t pages : {1, 2, 5, 10'000}) expectSame(trace(plain(), pages), whole);
   expectSame(trace(plain(), 2, 1), whole);
+}
+
+/// Where unpacked pages are kept none is read twice, or few if not all have room, whether others
+/// read ahead or not.
+TEST(BatchedTracer, KeptPagesAreNotReadAgain) {
+  const Traced whole = trace(plain(), 0);
+  for (const double readSeconds : {0.0, 0.001}) {
+    for (const int threads : {1, 3}) {
+      const Traced kept = trace(plain(), 3, threads, false, readSeconds, ~0ull);
+      expectSame(kept, whole);
+      EXPECT_GT(kept.loads, 2 * kept.pages);
+      EXPECT_GT(kept.restored, kept.loads / 2);
+      EXPECT_LE(kept.reads, kept.pages + kept.inVain + kept.onDemand);
+      const Traced few = trace(plain(), 3, threads, false, readSeconds, 40'000);
+      expectSame(few, whole);
+      EXPECT_GT(few.restored, 0u);
+      EXPECT_GT(few.reads, few.pages);
+    }
+  }
+  expectSame(trace(clear(), 3, 3, true, 0.0, ~0ull), trace(clear(), 0, 1, true));
 }
 
 /// Rays towards lights wait behind glass and alpha and in fog, as all others do: hardly a page is

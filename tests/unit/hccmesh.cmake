@@ -14,7 +14,7 @@ target_link_libraries(ray_scene_test PRIVATE trex_rays GTest::gtest_main)
 trex_gtest(ray_scene_test)
 
 add_executable(pages_test ${CMAKE_CURRENT_LIST_DIR}/stream_build_test.cpp
-  ${CMAKE_CURRENT_LIST_DIR}/page_cache_test.cpp)
+  ${CMAKE_CURRENT_LIST_DIR}/page_cache_test.cpp ${CMAKE_CURRENT_LIST_DIR}/unpacked_pages_test.cpp)
 target_link_libraries(pages_test PRIVATE hccmesh GTest::gtest_main)
 trex_gtest(pages_test)
 # gcc 12 takes copies of a decoded triangle for uninitialised, at -O3 only.

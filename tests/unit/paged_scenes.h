@@ -48,10 +48,10 @@ inline std::uint64_t leastBytes(const hccm::PageTable& table) {
 
 /// `pages`: that may be there. `failing`: one that can't be read. `change`, may be null: adds to
 /// the scene. `readSeconds`: that each read takes. `atOnce`: pages that are to be asked for at
-/// once.
+/// once. `keptBytes`: of a file of unpacked pages; 0: none.
 inline Paged paged(const std::vector<Material>& materials, std::uint64_t pages, bool smooth = false,
                    bool failing = false, void (*change)(Scene&) = nullptr, double readSeconds = 0.0,
-                   unsigned atOnce = 1) {
+                   unsigned atOnce = 1, std::uint64_t keptBytes = 0) {
   static const hccm::test::Soup soups[] = {sheets(false), sheets(true)};
   hccm::test::Streamed streamed =
       hccm::test::stream(soups[smooth], static_cast<std::uint32_t>(materials.size()));
@@ -71,7 +71,10 @@ inline Paged paged(const std::vector<Material>& materials, std::uint64_t pages, 
   if (change != nullptr) change(out.scene);
   RayScene::Parts parts{dvec3(0.0), hccm::Mesh::build({}), {}, {}, nullptr};
   const std::uint64_t bytes = pages * leastBytes(streamed.table);
-  parts.paged = std::make_unique<hccm::PagedMesh>(streamed.table, std::move(streamed.pages), bytes);
+  const std::size_t all = streamed.table.pages.size();
+  parts.paged = std::make_unique<hccm::PagedMesh>(
+      streamed.table, std::move(streamed.pages), bytes, 0xffffffffu,
+      keptBytes > 0 ? hccm::test::keptPages(all, keptBytes) : nullptr);
   out.rays = std::make_unique<RayScene>(out.scene, std::move(parts));
   return out;
 }

@@ -20,7 +20,10 @@ class RayBatching(PagedModelTest):
         demand = self.render("demand.exr", "--cache", self.few, "--ray-memory", "off", *options, **kw)
         waiting = self.render("waiting.exr", "--cache", self.few, *options, **kw)
         self.render("little.exr", "--cache", self.few, "--ray-memory", "6M", "--threads", "1", *options, **kw)
-        for other in ("demand", "waiting", "little"):
+        again = self.render("again.exr", "--cache", self.few, "--page-disk", "off", *options, **kw)
+        self.assertEqual((whole["page_loads_restored"], again["page_loads_restored"]), (0, 0))
+        self.assertEqual((whole["page_disk_bytes"], again["page_disk_bytes"]), (0, 0))
+        for other in ("demand", "waiting", "little", "again"):
             self.assertEqual(self.read(other + ".exr"), self.read("all.exr"), other)
         self.assertLessEqual(waiting["page_peak_bytes"], int(self.few))
         for key in ("c_rays", "shadow_rays", "g_rays", "cache_reads", "exact_paths"):
@@ -52,6 +55,19 @@ class RayBatching(PagedModelTest):
         b = self.render("b.exr", "--cache", self.few, *options, spp=64)
         self.assertEqual(a["samples"], b["samples"])
         self.assertEqual(self.read("a.exr"), self.read("b.exr"))
+
+    def test_disk_for_unpacked_pages(self):
+        """As much as is asked for at most, and nothing stays there."""
+        options = ["--exact", "1", "--cache", self.few]
+        kept = self.render("a.exr", *options)
+        self.assertGreater(kept["page_loads_restored"], 0)
+        self.assertLess(kept["page_loads_restored"], kept["page_loads"])
+        self.assertLess(kept["page_disk_bytes"], 2 * self.pages["memory_bytes"])
+        little = self.render("b.exr", *options, "--page-disk", "100K")
+        self.assertLessEqual(little["page_disk_bytes"], 100 << 10)
+        self.assertEqual(self.read("a.exr"), self.read("b.exr"))
+        self.assertEqual(sorted(os.listdir(self.folder)), ["a.exr", "b.exr"])
+        self.assertIn("much", self.render("a.exr", *options, "--page-disk", "much", code=2))
 
     def test_memory_that_is_not_there_is_refused(self):
         said = self.render("a.exr", "--exact", "1", "--cache", self.few, "--ray-memory", "6G", "--max-memory", "1G", code=4)
@@ -87,7 +103,7 @@ class RayBatching(PagedModelTest):
             damaged[at] ^= 0x55
         # What a bundle holds is part of a job's name, so the file changes under a program that runs.
         p = program.start("render", copy, "-o", self.path("b.exr"), "--size", "400x300", "--spp", "4000", "--device", "none",
-                          *options, "--threads", "1", stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+                          *options, "--threads", "1", "--page-disk", "off", stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         time.sleep(1.0)
         with open(copy, "r+b") as f:
             f.write(damaged)

@@ -1,6 +1,7 @@
 // Small sources, page files in memory, and streamed meshes for tests.
 #pragma once
 
+#include <sys/mman.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -92,10 +93,20 @@ struct Streamed {
   std::unique_ptr<TestPages> pages = std::make_unique<TestPages>();
   std::size_t buckets = 0;
 
-  PagedMesh mesh(std::uint64_t cacheBytes = std::uint64_t{1} << 30) {
-    return PagedMesh(table, std::move(pages), cacheBytes);
+  PagedMesh mesh(std::uint64_t cacheBytes = std::uint64_t{1} << 30,
+                 std::unique_ptr<UnpackedPages> kept = {}) {
+    return PagedMesh(table, std::move(pages), cacheBytes, 0xffffffffu, std::move(kept));
   }
 };
+
+/// A file of so many bytes at most, whose descriptor goes to `file`, for pages that are kept
+/// however long that takes.
+inline std::unique_ptr<UnpackedPages> keptPages(std::size_t pages, std::uint64_t limit = ~0ull,
+                                                int* file = nullptr) {
+  const int descriptor = ::memfd_create("trex-test", MFD_CLOEXEC);
+  if (file != nullptr) *file = descriptor;
+  return std::make_unique<UnpackedPages>(descriptor, limit, pages, false);
+}
 
 inline std::filesystem::path spillPath() {
   return std::filesystem::temp_directory_path() / ("trex-spill-test-" + std::to_string(::getpid()));

@@ -1,0 +1,81 @@
+// Pages as they lie in memory, kept in a file beside the cache: what was unpacked once is read
+// again, which takes a processor a tenth of the time of unpacking and asks nobody else for the
+// packed bytes.
+//
+// Nothing depends on it: a page that the file has no room for, that can't be written or comes back
+// otherwise is unpacked again. So it is where keeping takes longer than unpacking, as both were
+// measured lately: then few pages are tried.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace hccm {
+
+/// Seconds that something usually takes: a mean of the last ones, which one that took very long (a
+/// thread that lost its processor) hardly moves. Thread safe.
+class UsualSeconds {
+ public:
+  explicit UsualSeconds(double first) : seconds_(first) {}
+  void took(double seconds);
+  /// It was not tried once more: in the long run it gets another chance.
+  void missed() { seconds_.store(seconds_.load() * (1.0 - 1e-4)); }
+  double value() const { return seconds_.load(std::memory_order_relaxed); }
+
+ private:
+  std::atomic<double> seconds_;
+};
+
+/// Thread safe, but one thread at a time for a page.
+class UnpackedPages {
+ public:
+  /// `file`: a descriptor that is open for reading and writing and is closed with this; who has no
+  /// name for it leaves nothing behind. `limit`: its bytes at most. `measures`: keeps pages, and
+  /// gives them, only where that takes less than unpacking.
+  UnpackedPages(int file, std::uint64_t limit, std::size_t pages, bool measures = true);
+  ~UnpackedPages();
+  UnpackedPages(const UnpackedPages&) = delete;
+  UnpackedPages& operator=(const UnpackedPages&) = delete;
+
+  /// Memory of so many pages' entries, bytes.
+  static std::uint64_t bytesFor(std::size_t pages) { return pages * sizeof(Entry); }
+
+  /// Whether read() is to be asked for a page rather than unpacking it.
+  bool has(std::uint32_t page) const { return isThere(page) && pays(reading_); }
+  /// The bytes that write() was given. False, and the page is forgotten, if they are not as they
+  /// were.
+  bool read(std::uint32_t page, std::span<std::byte> out);
+  /// A page was unpacked, which took so long: keeps it, if that is worth while.
+  void keep(std::uint32_t page, std::span<const std::byte> bytes, double unpackSeconds);
+
+  double readSeconds() const { return reading_.value(); }
+  /// Of the file.
+  std::uint64_t bytes() const { return end_.load(); }
+
+ private:
+  static constexpr std::uint64_t kNowhere = ~std::uint64_t{0};
+  struct Entry {
+    std::atomic<std::uint64_t> offset{kNowhere};
+    std::uint64_t checksum = 0;
+  };
+  bool isThere(std::uint32_t page) const {
+    return entries_[page].offset.load(std::memory_order_acquire) != kNowhere;
+  }
+  bool pays(const UsualSeconds& what) const {
+    return !measures_ || what.value() < unpacking_.value();
+  }
+  bool write(std::uint64_t offset, std::span<const std::byte> bytes);
+
+  const int file_;
+  const std::uint64_t limit_;
+  const bool measures_;
+  std::vector<Entry> entries_;
+  std::atomic<std::uint64_t> end_{0};
+  std::atomic<bool> full_{false};  ///< or broken: nothing is written any more
+  UsualSeconds reading_{1e-5}, writing_{1e-5}, unpacking_{1e-4};
+};
+
+}  // namespace hccm
