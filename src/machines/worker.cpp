@@ -235,8 +235,12 @@ void Worker::startPass(Work& work, Pass pass) {
   for (const double share : pass.shares) {
     if (!(share >= 0.0 && share <= 1.0)) throw MessageError("a share is not 0 to 1");
   }
+  if (!(pass.coneShare >= 0.0 && pass.coneShare <= 1.0)) {
+    throw MessageError("a share is not 0 to 1");
+  }
   const auto going = [this, begun = work.begun] { return views_ == begun; };
   if (!work.session->makeLight(pass.photons, going)) return;
+  work.session->setConeShare(pass.coneShare);
   work.session->setTileShares(pass.shares);
   work.pass = std::move(pass);
 }
@@ -266,6 +270,7 @@ void Worker::takeJob(Work& work, const GiveJob& message, std::uint32_t begun) {
   result.cones = taken.rays.cones;
   result.cacheReads = taken.rays.cacheReads;
   result.exactPaths = taken.rays.exactPaths;
+  result.deviceCones = taken.rays.deviceCones;
   result.samples = packSamples(taken.samples, work.pass->contents);
   link_.send(0, result);
 }

@@ -49,6 +49,9 @@ ROWS = """
 2 | device                | render {cornell} -o {png} --device -1
 2 | device                | render {cornell} -o {png} --device 0x1
 2 | guess                 | render {cornell} -o {png} --guess magic
+2 | guess                 | render {cornell} -o {png} --guess 1.5
+2 | guess                 | render {cornell} -o {png} --guess nan
+2 | guess                 | render {cornell} -o {png} --guess 0.5cone
 2 | denoise               | render {cornell} -o {png} --denoise maybe
 2 | exposure              | render {cornell} -o {png} --exposure bright
 2 | exposure              | render {cornell} -o {png} --exposure 1e9
