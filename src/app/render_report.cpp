@@ -119,6 +119,7 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
       {"shadow_rays", r.rays.shadowRays},
       {"g_rays", r.rays.cones},
       {"cache_reads", r.rays.cacheReads},
+      {"gather_seconds", r.gRays.gatherSeconds},
       {"gathered_by_device", r.rays.deviceCones},
       {"gathered_by_cpu", r.rays.cones - r.rays.deviceCones + r.rays.cacheReads},
       {"exact_paths", r.rays.exactPaths},

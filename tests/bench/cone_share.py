@@ -6,8 +6,9 @@ same samples; and FLIP by cones in the time of the rays, were there a device of 
 
 Each round renders every variant in turn, with a seed of its own; medians. Needs the shared folder and its Python environment, as
 quality_bars.py, and what `trex doctor --measure` kept. Processor seconds are those of all threads, the device's too where it is the
-processor's own cores; of samples alone (of four times as many less as many, so that set-up, denoiser and first photons are left out). The
-second table has what the rest of the paths costs, in rays of the record: the constants of src/session/cone_share.cpp.
+processor's own cores; of samples alone (of four times as many less as many, so that set-up, denoiser and first photons are left out). One
+thread, so that seconds of gathering by the C++ tracer are a part of them. The second table has what the rest of the paths costs, in rays of
+the record: the constants of src/session/cone_share.cpp.
 """
 import argparse, json, os, resource, statistics, subprocess, sys
 
@@ -21,12 +22,11 @@ MORE = 4
 
 
 def record(trex):
-    """Processor seconds of a ray and of a cone of the C++ tracer."""
+    """Processor seconds of a ray."""
     doctor = json.loads(subprocess.run([trex, "doctor", "--json"], check=True, capture_output=True).stdout)
     if not doctor["measured"]:
         sys.exit("nothing is known of this machine: trex doctor --measure")
-    times = doctor["measured"]["devices"][0]["times"]
-    return [doctor["threads"] * times[kind]["seconds_per_unit"] for kind in ("rays", "cones")]
+    return doctor["threads"] * doctor["measured"]["devices"][0]["times"]["rays"]["seconds_per_unit"]
 
 
 class Table:
@@ -37,7 +37,7 @@ class Table:
         _, device, guess = variant
         before = resource.getrusage(resource.RUSAGE_CHILDREN)
         picture, report = self.run.render(scene, "cone-share", ["--exact", "0", "--spp", str(spp), "--seed", str(seed),
-                                                                "--device", device, "--guess", guess])
+                                                                "--device", device, "--guess", guess, "--threads", "1"])
         after = resource.getrusage(resource.RUSAGE_CHILDREN)
         return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, picture, report
 
@@ -56,14 +56,16 @@ class Table:
                 samples = (MORE - 1) * spp
                 found[variant[0]].append({"flip": flip, "seconds": (more - less) / samples,
                                           "cones": (longer["g_rays"] - report["g_rays"]) / samples,
+                                          "gathering": (longer["gather_seconds"] - report["gather_seconds"])
+                                          / (longer["render_seconds"] - report["render_seconds"]),
                                           "device": report["gathered_by_device"] / max(gathered, 1)})
         return [{"scene": scene, "what": name, **{k: statistics.median(r[k] for r in rows) for k in rows[0]}}
                 for name, rows in found.items()]
 
-    def costs(self, scene, rows, ray, cone):
+    def costs(self, scene, rows, ray):
         """What the processors do for a cone's path, a sample, without the cone; the rest in its terms."""
         of = {r["what"]: r for r in rows}
-        path = of[CONES]["seconds"] - of[CONES]["cones"] * cone
+        path = of[CONES]["seconds"] * (1 - of[CONES]["gathering"])
         samples = max(1, round(self.options.spp * of[RAYS]["seconds"] / path))
         return {"scene": scene, "path": path / of[CONES]["cones"] / ray,
                 "gather": (of[RAYS]["seconds"] - path) / of[CONES]["cones"] / ray, "samples": samples,
@@ -81,11 +83,11 @@ def main():
     parser.add_argument("rest", nargs="*")
     options = parser.parse_args()
     table, rows, costs = Table(options), [], []
-    ray, cone = record(options.trex)
+    ray = record(options.trex)
     for scene in options.scenes.split(","):
         of = table.rows(scene)
         rows += of
-        costs.append(table.costs(scene, of, ray, cone))
+        costs.append(table.costs(scene, of, ray))
         print(json.dumps(costs[-1]), file=sys.stderr, flush=True)
     if options.json:
         print(json.dumps({"rows": rows, "costs": costs}, indent=1))

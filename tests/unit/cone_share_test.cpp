@@ -7,6 +7,8 @@
 #include <cmath>
 #include <memory>
 
+#include "src/frame/estimator.h"
+#include "src/paths/path_tracer.h"
 #include "src/session/session.h"
 #include "tests/unit/glass_scenes.h"
 
@@ -16,7 +18,7 @@ namespace {
 constexpr std::uint32_t kSide = 72;
 constexpr const char* kGpu = "a GPU";
 
-/// A lit room, with and without a window to a sky.
+/// A lit room.
 std::shared_ptr<const Model> roomModel() {
   static const auto model = [] {
     Scene scene;
@@ -25,7 +27,7 @@ std::shared_ptr<const Model> roomModel() {
     test::place(scene, test::box(vec3(-0.5f, 1.8f, -0.5f), vec3(0.5f, 1.9f, 0.5f), 1, false));
     test::place(scene, test::sphere(vec3(0.8f, 0.0f, -1.0f), 0.6f, 0, 12));
     scene.cameras = {test::lookAt(dvec3(0.0, 0.0, 1.9), dvec3(0.0, 0.0, -1.0), 1.0f)};
-    return std::make_shared<const Model>(makeModel(scene, {.voxels = true, .voxelDepth = 6}));
+    return std::make_shared<const Model>(makeModel(scene, {.voxels = true, .voxelDepth = 5}));
   }();
   return model;
 }
@@ -80,24 +82,55 @@ TEST(ConeShare, EachSampleIsOneOfBoth) {
   }
 }
 
-/// Pairs know the bias of both: their samples are by cones as often as others.
-TEST(ConeShare, PairsHaveTheirPartOfBoth) {
-  for (const double exact : {0.25, 0.5}) {
-    const auto count = [&](double share) {
-      return static_cast<double>(
-          rendered(settings(GuessKind::kMixed, share, exact, 16))->report().rays.cones);
-    };
-    // Where pairs were all by cones, or none, the mean of the corrected picture would be off.
-    EXPECT_NEAR(count(0.5) / count(1.0), 0.5, 0.02);
+/// Light that is known everywhere.
+class EvenLight : public CachedLight {
+ public:
+  float leafSize() const override { return 0.01f; }
+  bool irradiance(const vec3&, const vec3&, float, vec2, vec3& out) const override {
+    out = vec3(1.0f);
+    return true;
   }
-  const auto mean = [](const RenderSettings& s) {
-    double sum = 0.0;
-    for (const float v : rendered(s)->picture().values) sum += static_cast<double>(v);
-    return sum;
+};
+
+/// Pairs know the bias of both: of their samples as many are by cones as of the others, whatever
+/// share they are themselves.
+TEST(ConeShare, PairsHaveTheirPartOfBoth) {
+  const EvenLight light;
+  const Session session(roomModel(), roomModel()->scene.cameras.front(), settings(GuessKind::kRay));
+  const auto asking = [&](double share, const std::vector<PathJob>& jobs) {
+    GuessOptions guess;
+    guess.cache = &light;
+    guess.coneShare = share;
+    const PathTracer tracer(roomModel()->scene, session.rays(), session.lights(),
+                            session.cameraRays(), guess, 5);
+    std::vector<PathSample> samples(jobs.size());
+    std::vector<RayCounts> counts(jobs.size());
+    Cones cones;
+    tracer.trace(jobs, kSide, 0, samples, counts, cones);
+    std::vector<bool> asks(jobs.size(), false);
+    for (const ConeRequest& r : cones.requests) asks[r.job] = true;
+    return asks;
   };
-  const double truth = mean(settings(GuessKind::kRay, 0.0, 1.0, 64));
-  for (const double share : {0.0, 0.5, 1.0}) {
-    EXPECT_NEAR(mean(settings(GuessKind::kMixed, share, 0.5, 64)) / truth, 1.0, 0.01) << share;
+  for (const double exact : {0.25, 0.5}) {
+    std::vector<PathJob> jobs;
+    for (std::uint32_t y = 0; y < kSide; y += 2) {
+      for (std::uint32_t x = 0; x < kSide; x += 2) {
+        for (std::uint32_t sample = 0; sample < 16; ++sample)
+          jobs.push_back({x, y, sample, takesExact(sample, exact, 0.5)});
+      }
+    }
+    const std::vector<bool> all = asking(1.0, jobs), half = asking(0.5, jobs);
+    for (const bool paired : {false, true}) {
+      double of = 0.0, asked = 0.0;
+      for (std::size_t i = 0; i < jobs.size(); ++i) {
+        ASSERT_LE(half[i], all[i]);
+        if (jobs[i].paired != paired || !all[i]) continue;
+        of += 1.0;
+        asked += half[i] ? 1.0 : 0.0;
+      }
+      ASSERT_GT(of, 1000.0);
+      EXPECT_NEAR(asked / of, 0.5, 5.0 * 0.5 / std::sqrt(of)) << exact << ' ' << paired;
+    }
   }
 }
 
