@@ -34,10 +34,9 @@ ToneMap toneMapOf(const RenderArguments& a, float exposure) {
 /// What of a job decides the bits of its pictures, but for the files.
 std::string jobText(const RenderArguments& a, const Model& model, const std::vector<View>& views) {
   const RenderSettings& s = a.settings;
-  std::string text =
-      fmt::format("{} {}x{} {} {} {} {} {} {} {}", kVersion, s.width, s.height, exactText(s),
-                  s.seed, static_cast<int>(s.guess), static_cast<int>(s.photonKind), s.device,
-                  static_cast<int>(s.denoise), a.environment);
+  std::string text = fmt::format("{} {}x{} {} {} {} {} {} {} {}", kVersion, s.width, s.height,
+                                 exactText(s), s.seed, guessText(s), static_cast<int>(s.photonKind),
+                                 s.device, static_cast<int>(s.denoise), a.environment);
   // A memory limit may have made the voxels coarser.
   if (model.voxels) text += fmt::format(" {}", model.voxels->info.leafCount);
   // Of pages, cones read those that are there.

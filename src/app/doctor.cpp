@@ -17,6 +17,7 @@
 #include "hccmesh/hccmesh.h"
 #include "src/app/app.h"
 #include "src/app/doctor_measure.h"
+#include "src/command/kept_record.h"
 #include "src/core/error.h"
 #include "src/core/memory.h"
 #include "src/core/version.h"

@@ -4,45 +4,15 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
-#include <sstream>
 
 #include "src/bench/measure_machine.h"
+#include "src/command/kept_record.h"
 #include "src/core/error.h"
 #include "src/core/file.h"
 #include "src/core/memory.h"
 
 namespace trex {
 namespace fs = std::filesystem;
-namespace {
-
-constexpr std::uintmax_t kMostBytes = 1u << 20;
-
-std::string textIn(const fs::path& path) {
-  std::error_code error;
-  const std::uintmax_t size = fs::file_size(path, error);
-  std::ifstream file(path, std::ios::binary);
-  if (error || size > kMostBytes || !file) {
-    fail(ExitCode::kInput, "{}: not a record that can be read; remove it", path.string());
-  }
-  std::ostringstream text;
-  text << file.rdbuf();
-  return text.str();
-}
-
-}  // namespace
-
-fs::path machineRecordPath() {
-  const fs::path folder = stateFolder();
-  return folder.empty() ? fs::path() : folder / "machine.json";
-}
-
-std::optional<schedule::MachineRecord> keptMachineRecord() {
-  const fs::path path = machineRecordPath();
-  std::error_code error;
-  if (path.empty() || !fs::exists(path, error)) return std::nullopt;
-  return schedule::recordOf(textIn(path), path.string());
-}
 
 schedule::MachineRecord measureAndKeep(const fs::path& picture) {
   const fs::path path = machineRecordPath();

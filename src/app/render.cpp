@@ -77,9 +77,7 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
   addImportOptions(*c, a->import);
   c->add_option("--device", a->device, "Vulkan device of the G-rays: number, auto or none")
       ->capture_default_str();
-  c->add_option("--guess", a->guess, "Guess of far, wide rays: auto, ray or cone")
-      ->check(CLI::IsMember({"auto", "ray", "cone"}))
-      ->capture_default_str();
+  addGuess(*c, a->settings);
   addPhotonBounces(*c, a->settings.photonKind);
   addFileOptions(*c, *a);
   c->add_option("--aov", a->layers,

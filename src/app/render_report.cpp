@@ -14,9 +14,8 @@
 namespace trex {
 namespace {
 
-const char* guessName(const SessionReport& r) {
-  if (r.device == "none") return "none";
-  return r.cones ? "cone" : "ray";
+std::string guessName(const SessionReport& r) {
+  return r.device == "none" ? "none" : guessText(r.coneShare);
 }
 
 const char* photonName(const SessionReport& r) {
@@ -127,6 +126,9 @@ nlohmann::json summary(const RenderArguments& a, const View& view, const Session
       {"shadow_rays", r.rays.shadowRays},
       {"g_rays", r.rays.cones},
       {"cache_reads", r.rays.cacheReads},
+      {"gather_seconds", r.gRays.gatherSeconds},
+      {"gathered_by_device", r.rays.deviceCones},
+      {"gathered_by_cpu", r.rays.cones - r.rays.deviceCones + r.rays.cacheReads},
       {"exact_paths", r.rays.exactPaths},
       {"mesh_bytes", r.mesh.meshBytes},
       {"top_level_bytes", r.mesh.topLevelBytes},

@@ -259,9 +259,7 @@ void addBenchCommand(CLI::App& app, int& exitCode) {
   addMaxBounces(*c, a->render.import);
   c->add_option("--device", a->render.device, "Vulkan device: number, auto or none")
       ->capture_default_str();
-  c->add_option("--guess", a->render.guess, "Guess of far, wide rays: auto, ray or cone")
-      ->check(CLI::IsMember({"auto", "ray", "cone"}))
-      ->capture_default_str();
+  addGuess(*c, a->render.settings);
   addPhotonBounces(*c, a->render.settings.photonKind);
   addDenoise(*c, a->render.settings.denoise);
   c->add_option("--seed", a->render.settings.seed, "Seed of all random numbers")

@@ -119,9 +119,7 @@ void addBenchBaselinesCommand(CLI::App& bench, int& exitCode) {
   c->add_option("--env", a->bench.scene.environment, "Environment, as of trex render");
   c->add_option("--device", a->render.device, "Vulkan device: number, auto or none")
       ->capture_default_str();
-  c->add_option("--guess", a->render.guess, "Guess of far, wide rays: auto, ray or cone")
-      ->check(CLI::IsMember({"auto", "ray", "cone"}))
-      ->capture_default_str();
+  addGuess(*c, a->render.settings);
   c->add_option("--seed", a->render.settings.seed, "Seed of all random numbers")
       ->capture_default_str();
   c->add_option("--threads", a->threads, "CPU threads [all]")->check(CLI::Range(1, 4096));

@@ -68,7 +68,7 @@ json runShare(const std::shared_ptr<const Model>& model, const TradeoffArguments
   const SessionReport r = session.report();
   run["slope"] = settings.exact > 0.0 ? slopeOf(run["points"]) : json(nullptr);
   run["device"] = r.device;
-  run["guess"] = r.device == "none" ? "none" : r.cones ? "cone" : "ray";
+  run["guess"] = r.device == "none" ? "none" : guessText(r.coneShare);
   run["device_start_seconds"] = r.deviceSeconds;
   run["aim_seconds"] = r.aimSeconds;
   run["render_seconds"] = r.renderSeconds;

@@ -97,6 +97,29 @@ void addExact(CLI::App& command, RenderSettings& settings) {
       ->default_str(exactText(settings));
 }
 
+void setGuess(const std::string& text, RenderSettings& settings) {
+  settings.guess = text == "auto"   ? GuessKind::kAuto
+                   : text == "ray"  ? GuessKind::kRay
+                   : text == "cone" ? GuessKind::kCone
+                                    : GuessKind::kMixed;
+  if (settings.guess != GuessKind::kMixed) return;
+  double& share = settings.coneShare;
+  const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), share);
+  if (problem != std::errc() || *end != '\0' || !(share >= 0.0 && share <= 1.0)) {
+    fail(ExitCode::kUsage, "--guess {}: want ray, cone, a share of cones from 0 to 1, or auto",
+         text);
+  }
+}
+
+void addGuess(CLI::App& command, RenderSettings& settings) {
+  command
+      .add_option_function<std::string>(
+          "--guess", [&settings](const std::string& text) { setGuess(text, settings); },
+          "Guess of far, wide rays: ray, into cached light; cone, on the device; 0 to 1, cones for "
+          "that share of the samples; auto: as much as pays for the device")
+      ->default_str(guessText(settings));
+}
+
 void addMaxBounces(CLI::App& command, ImportOptions& options) {
   command.add_option_function<std::string>(
       "--max-bounces",

@@ -20,6 +20,10 @@ int parseDevice(const std::string& text);
 void setExact(const std::string& text, RenderSettings& settings);
 /// Adds --exact, and sets its default, auto.
 void addExact(CLI::App& command, RenderSettings& settings);
+/// Sets the guess: auto, ray, cone, or a share of cones, 0 to 1; Error(kUsage) else.
+void setGuess(const std::string& text, RenderSettings& settings);
+/// Adds --guess.
+void addGuess(CLI::App& command, RenderSettings& settings);
 /// Adds what decides how a model is read: --strict, --unit, --up,
 /// --scene, --variant, --animation and --at.
 void addImportOptions(CLI::App& command, ImportOptions& options);

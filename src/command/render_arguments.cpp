@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "src/command/camera_path.h"
+#include "src/command/kept_record.h"
 #include "src/command/parse.h"
 #include "src/core/error.h"
 #include "src/scene/import.h"
@@ -41,9 +42,7 @@ void readSettings(RenderArguments& a) {
   if (a.pageDisk != "auto" && a.pageDisk != "off") parseBytes(a.pageDisk);
   if (s.samples == 0 && s.seconds == 0.0 && s.error == 0.0) s.samples = 64;
   s.device = parseDevice(a.device);
-  s.guess = a.guess == "ray"    ? GuessKind::kRay
-            : a.guess == "cone" ? GuessKind::kCone
-                                : GuessKind::kAuto;
+  s.machine = measuredMachine(s);
   if (!a.path.empty() && !a.cameras.empty()) {
     fail(ExitCode::kUsage, "--path and --camera: give one of them");
   }

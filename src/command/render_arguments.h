@@ -15,7 +15,7 @@ namespace trex {
 
 struct RenderArguments {
   std::string input, output;
-  std::string size = "640x360", environment, device = "auto", guess = "auto", exposure = "auto";
+  std::string size = "640x360", environment, device = "auto", exposure = "auto";
   std::string tonemap = toneOperatorNames()[static_cast<std::size_t>(kDefaultToneOperator)];
   FileOptions file;
   std::vector<std::string> cameras;  ///< names or EYE/TARGET/UP/VFOV; "all"

@@ -60,6 +60,7 @@ class FallbackTracer final : public GRayTracer {
     GRayStatistics s = tracer_->statistics();
     if (!replaced_) return s;
     s.cones += before_.cones;
+    s.deviceCones += before_.deviceCones;
     s.photonRecords += before_.photonRecords;
     s.photonDeposits += before_.photonDeposits;
     s.lostDeposits += before_.lostDeposits;

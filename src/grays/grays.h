@@ -16,6 +16,7 @@ namespace trex {
 
 struct GRayStatistics {
   std::uint64_t cones = 0, photonRecords = 0, photonDeposits = 0, lostDeposits = 0;
+  std::uint64_t deviceCones = 0;  ///< of the cones, answered by a Vulkan device
   double gatherSeconds = 0.0, photonSeconds = 0.0;
   std::uint64_t deviceBytes = 0;
   /// Of a tree that does not fit on the device; all 0 if it does. Reads of voxels that were not

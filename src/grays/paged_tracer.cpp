@@ -79,7 +79,7 @@ class PagedTracer final : public GRayTracer {
 
   GRayStatistics statistics() const override {
     GRayStatistics s = host_->statistics();
-    s.cones = cones_;
+    s.cones = s.deviceCones = cones_;
     s.deviceBytes = device_->allocatedBytes();
     s.pages = plan_.pages;
     s.pageSlots = plan_.slots;

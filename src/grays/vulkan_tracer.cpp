@@ -120,7 +120,7 @@ class VulkanTracer final : public GRayTracer {
 
   GRayStatistics statistics() const override {
     GRayStatistics s = statistics_;
-    s.cones = cones_;
+    s.cones = s.deviceCones = cones_;
     s.gatherSeconds = gather_ ? gather_->seconds() : 0.0;
     s.deviceBytes = device_.allocatedBytes();
     return s;

@@ -236,6 +236,7 @@ void Leader::startPass(const Session& session) {
   pass.number = ++passes_;
   pass.photons = session.light().photons();
   pass.contents = sessionContents(session);
+  pass.coneShare = session.coneShare();
   pass.shares = session.tileShares();
   pass_ = pass;
   arrived_.clear();

@@ -149,7 +149,7 @@ void Leader::takeResult(std::uint32_t from, Result result) {
     arrived_.emplace(job->first, Arrived{*job,
                                          from,
                                          {result.cRays, result.shadowRays, result.cones,
-                                          result.cacheReads, result.exactPaths},
+                                          result.cacheReads, result.exactPaths, result.deviceCones},
                                          std::move(result.samples)});
   }
   dealTo(from);

@@ -143,11 +143,12 @@ struct Pass {
   static constexpr Kind kKind = Kind::kPass;
   std::uint32_t view = 0, number = 0;
   std::uint64_t photons = 0;   ///< whose light the samples read
+  double coneShare = 0.0;      ///< Session::coneShare() of machine 0
   std::uint32_t contents = 0;  ///< of samples: sample_bytes.h
   std::vector<double> shares;  ///< of exact samples, by tile; none without a dial
   template <class F>
   void fields(F&& f) {
-    f(view), f(number), f(photons), f(contents), f(shares);
+    f(view), f(number), f(photons), f(coneShare), f(contents), f(shares);
   }
 };
 
@@ -179,14 +180,15 @@ struct Result {
   double seconds = 0.0;
   std::uint64_t peakBytes = 0;  ///< resident, of the machine
   MachineTimes times{};
-  std::uint64_t cRays = 0, shadowRays = 0, cones = 0, cacheReads = 0, exactPaths = 0;
+  std::uint64_t cRays = 0, shadowRays = 0, cones = 0, cacheReads = 0, exactPaths = 0,
+                deviceCones = 0;
   std::string device{};  ///< it may have failed, and another gone on
   Bytes samples{};
   template <class F>
   void fields(F&& f) {
     f(pass), f(id), f(seconds), f(peakBytes);
     times.fields(f);
-    f(cRays), f(shadowRays), f(cones), f(cacheReads), f(exactPaths);
+    f(cRays), f(shadowRays), f(cones), f(cacheReads), f(exactPaths), f(deviceCones);
     f(device), f(samples);
   }
 };

@@ -255,8 +255,12 @@ void Worker::startPass(Work& work, Pass pass) {
   for (const double share : pass.shares) {
     if (!(share >= 0.0 && share <= 1.0)) throw MessageError("a share is not 0 to 1");
   }
+  if (!(pass.coneShare >= 0.0 && pass.coneShare <= 1.0)) {
+    throw MessageError("a share is not 0 to 1");
+  }
   const auto going = [this, begun = work.begun] { return views_ == begun; };
   if (!work.session->makeLight(pass.photons, going)) return;
+  work.session->setConeShare(pass.coneShare);
   work.session->setTileShares(pass.shares);
   work.pass = std::move(pass);
 }
@@ -291,6 +295,7 @@ void Worker::sendResult(Result result, const RayCounts& rays, const Session& ses
   result.cones = rays.cones;
   result.cacheReads = rays.cacheReads;
   result.exactPaths = rays.exactPaths;
+  result.deviceCones = rays.deviceCones;
   tell(result);
 }
 

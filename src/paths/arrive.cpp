@@ -24,9 +24,7 @@ Fate PathTracer::arrive(WavePath& path) const {
     return Fate::kEnds;
   }
 
-  // Cached light has been reflected once more.
-  path.coneVertex = guess_.cones && path.coupled && !path.byRays && bsdf.cacheable() &&
-                    !bsdf.onlyDelta() && scene_.maxBounces - path.turns >= 2;
+  path.coneVertex = handsToCones(path, bsdf.cacheable()) && !bsdf.onlyDelta();
   path.here().moveTo(surface.position, bsdf.transmits() ? vec3(0.0f) : bsdf.normal());
   return bsdf.onlyDelta() ? Fate::kScatters : Fate::kLit;
 }
@@ -52,9 +50,14 @@ Fate PathTracer::arrivePlain(WavePath& path, const Wave& wave) const {
       endInCache(path, PlainLanes::vector(lanes.facing, lane)) && !path.part()) {
     return Fate::kEnds;
   }
-  path.coneVertex = false;
+  path.coneVertex = handsToCones(path, cacheable);
   path.here().moveTo(path.surface.position, normal);
   return Fate::kLit;
+}
+
+/// Whether a surface hands its far field to cones. Cached light has been reflected once more.
+bool PathTracer::handsToCones(const WavePath& path, bool cacheable) const {
+  return path.coupled && !path.byRays && cacheable && scene_.maxBounces - path.turns >= 2;
 }
 
 /// Goes on behind a transparent layer. False where there were too many.

@@ -76,9 +76,7 @@ void PathTracer::ask(WavePath& path, Wave& wave) const {
       !lights_.empty() && lights_.sample(path.here(), path.sampler, light) && askLight(path, wave);
 }
 
-/// Makes a question of a light that was sampled. Shadow rays of lamps are C-rays: what stands
-/// before them is mostly thin or near. Those of wide parts of the sky are cones where this device
-/// makes them worth it. False if the light does not count.
+/// Makes a question of a light that was sampled. False if the light does not count.
 bool PathTracer::askLight(WavePath& path, Wave& wave) const {
   const Bsdf& bsdf = *path.bsdf;
   LightQuestion& q = path.question;
@@ -89,31 +87,37 @@ bool PathTracer::askLight(WavePath& path, Wave& wave) const {
   if (maxComponent(q.surface.f) <= 0.0f) return false;
   if (!rays_.leave(path.surface, light.direction, bsdf.leavesFront(light.direction), q.start))
     return false;
+  return asksRay(path, wave);
+}
+
+/// Whether a ray asks for the light. Shadow rays of lamps are C-rays: what stands before them is
+/// mostly thin or near. Those of wide parts of the sky are cones, at vertices that have cones.
+bool PathTracer::asksRay(WavePath& path, Wave& wave) const {
+  LightQuestion& q = path.question;
+  const LightSample& light = q.light;
   // A cone vertex gathers its far field without emission, so a far emitter is light sampling's
   // alone.
   const float near = path.coneVertex ? nearField() : 0.0f;
   q.farEmitter = path.coneVertex && light.distance < kInfinity && light.distance > near;
   q.coneShadow = path.coneVertex && !(light.distance < kInfinity) &&
                  light.solidAngle > guess_.shadowSolidAngle;
-  if (q.coneShadow) {
-    const float weight = lightWeight(light, light.pdf, q.surface.pdf);
-    shadowCone(path, path.throughput * q.surface.f * light.radiance / light.pdf * weight, wave);
-    if (!path.paired) return false;
-  }
-  return true;
+  if (!q.coneShadow) return true;
+  const float weight = lightWeight(light, light.pdf, q.surface.pdf);
+  shadowCone(path, path.throughput * q.surface.f * light.radiance / light.pdf * weight, wave);
+  return path.paired;
 }
 
-/// The same at a plain surface, which is no cone vertex.
-bool PathTracer::askPlain(WavePath& path, const Wave& wave, const PlainValues& values) const {
+/// The same at a plain surface.
+bool PathTracer::askPlain(WavePath& path, Wave& wave, const PlainValues& values) const {
   const PlainLanes& lanes = wave.lanesOf(path.place);
   const std::size_t lane = Wave::laneOf(path.place);
   LightQuestion& q = path.question;
   q.kind = LobeKind::kAll;
   q.surface = {PlainLanes::vector(values.f, lane), values.pdf[lane]};
-  q.farEmitter = q.coneShadow = false;
   return maxComponent(q.surface.f) > 0.0f &&
          rays_.leave(path.surface, q.light.direction, lanes.leavesFront(q.light.direction, lane),
-                     q.start);
+                     q.start) &&
+         asksRay(path, wave);
 }
 
 /// What arrives of the light that was chosen, and of caustics.

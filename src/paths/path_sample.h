@@ -39,17 +39,19 @@ struct PathSample {
 /// Rays by class, for the report.
 struct RayCounts {
   std::uint64_t cRays = 0, shadowRays = 0, cones = 0, cacheReads = 0, exactPaths = 0;
+  std::uint64_t deviceCones = 0;  ///< of the cones, answered by a device; of whole batches alone
   void add(const RayCounts& o) {
     cRays += o.cRays;
     shadowRays += o.shadowRays;
     cones += o.cones;
     cacheReads += o.cacheReads;
     exactPaths += o.exactPaths;
+    deviceCones += o.deviceCones;
   }
   /// Those that came since `before`.
   RayCounts since(const RayCounts& o) const {
-    return {cRays - o.cRays, shadowRays - o.shadowRays, cones - o.cones, cacheReads - o.cacheReads,
-            exactPaths - o.exactPaths};
+    return {cRays - o.cRays,           shadowRays - o.shadowRays, cones - o.cones,
+            cacheReads - o.cacheReads, exactPaths - o.exactPaths, deviceCones - o.deviceCones};
   }
 };
 

@@ -44,7 +44,7 @@ struct PathState {
   bool seen = false;     ///< the feature is known
   bool spread = false;  ///< by a broad lobe: what sharp ones make of point-like lights is a caustic
   bool certain = true;  ///< mirrors alone so far, and no choice
-  bool byRays = false;  ///< goes on in a cone's place, and asks for none
+  bool byRays = false;  ///< asks for no cones; it may go on in the place of one
 
   /// Density of the direction at the vertex if light sampling there finds what comes next, else
   /// infinite.

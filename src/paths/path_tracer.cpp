@@ -19,9 +19,8 @@ PathTracer::PathTracer(const Scene& scene, const RayScene& rays, const LightSet&
       background_(background),
       layers_(scene, rays),
       caustics_(caustics),
-      // Media add light on the way, cones ask for more of a surface, and paths that wait for pages
-      // go on by themselves.
-      plain_(media_ == nullptr && !guess_.cones && rays.parts().paged == nullptr
+      // Media add light on the way, and paths that wait for pages go on by themselves.
+      plain_(media_ == nullptr && rays.parts().paged == nullptr
                  ? PlainSurfaces(scene, rays)
                  : PlainSurfaces::none(scene, rays)) {}
 
@@ -75,13 +74,23 @@ PathSample PathTracer::sample(const PathJob& job, std::uint32_t width) const {
   return sample;
 }
 
+/// Whether a sample's far field is for cones. Drawn apart from all else that its number decides,
+/// so that pairs (takesExact()) have as many of both kinds as other samples.
+bool PathTracer::byCones(const PathJob& job) const {
+  const double share = coneShare();
+  if (share <= 0.0 || share >= 1.0) return share > 0.0;
+  const std::uint32_t pixel = hashCombine(hashCombine(seed_ ^ 0x636f6e65u, job.y), job.x);
+  return static_cast<double>(toUnitFloat(hashCombine(pixel, job.sample))) < share;
+}
+
 /// A path and its first ray.
 PathState PathTracer::generate(const PathJob& job, std::uint32_t number, Sampler& sampler) const {
   PathState path{.job = number,
                  .number = job.sample,
                  .paired = job.paired,
                  .look = job.look,
-                 .certain = media_ == nullptr && !camera_.hasLens()};
+                 .certain = media_ == nullptr && !camera_.hasLens(),
+                 .byRays = !byCones(job)};
   const vec2 jitter = sampler.next2D();
   camera_.ray(static_cast<float>(job.x) + jitter.x, static_cast<float>(job.y) + jitter.y,
               path.start.position, path.direction);

@@ -47,7 +47,9 @@ struct WavePath;
 struct GuessOptions {
   const CachedLight* cache = nullptr;  ///< null: exact paths alone
   FootprintRule footprint;
-  bool cones = false;              ///< G0 and shadow cones are worth their cost on this device
+  /// Of the samples, [0, 1]: those whose far field is gathered by cones (G0, and shadow cones). The
+  /// others follow rays into cached light. Which ones is drawn from pixel, number and seed.
+  double coneShare = 0.0;
   float shadowSolidAngle = 0.02f;  ///< of the sky, from which on a shadow ray is a G-ray, sr
 };
 
@@ -75,10 +77,13 @@ class PathTracer {
   PathSample sample(const PathJob& job, std::uint32_t width) const;
   /// Whether samples are guesses, so that a paired one differs.
   bool guesses() const { return guess_.cache != nullptr; }
+  /// Of the samples, whose far field is gathered by cones.
+  double coneShare() const { return guesses() ? guess_.coneShare : 0.0; }
 
  private:
   friend class BatchedTracer;  // another way through the same stages: batched_tracer.h
 
+  bool byCones(const PathJob& job) const;
   PathState generate(const PathJob& job, std::uint32_t number, Sampler& sampler) const;
   WavePath& enter(Wave& wave, const PathState& state, const Sampler& sampler, PathSample& sample,
                   RayCounts& counts) const;
@@ -101,11 +106,13 @@ class PathTracer {
   void see(WavePath& path, const vec3& albedo, const vec3& normal) const;
   void emit(WavePath& path) const;
   bool endInCache(WavePath& path, const vec3& side) const;
+  bool handsToCones(const WavePath& path, bool cacheable) const;
 
   void ask(Wave& wave) const;
   void ask(WavePath& path, Wave& wave) const;
   bool askLight(WavePath& path, Wave& wave) const;
-  bool askPlain(WavePath& path, const Wave& wave, const PlainValues& values) const;
+  bool askPlain(WavePath& path, Wave& wave, const PlainValues& values) const;
+  bool asksRay(WavePath& path, Wave& wave) const;
   void shadowCone(WavePath& path, const vec3& radiance, Wave& wave) const;
   void answer(WavePath& path) const;
   void takeAnswer(WavePath& path) const;

@@ -18,18 +18,18 @@ constexpr std::size_t kMostSamples = 16;
 
 /// The first bytes of a file.
 struct Head {
-  char magic[8] = {'T', 'R', 'E', 'X', 'C', 'K', 'P', '1'};
+  char magic[8] = {'T', 'R', 'E', 'X', 'C', 'K', 'P', '2'};
   std::uint64_t payloadBytes = 0;  ///< of the sums, after this
   std::uint64_t key = 0;
   std::uint32_t frame = 0, samplesDone = 0, tilesDone = 0, errorCheck = 0;
-  double renderSeconds = 0.0, error = 0.0;
+  double renderSeconds = 0.0, error = 0.0, coneShare = 0.0;
   RayCounts rays;
   std::uint64_t nonFinite = 0;
   std::uint64_t nonFiniteListed = 0;
   NonFiniteSample nonFiniteSamples[kMostSamples] = {};
 };
 static_assert(std::is_trivially_copyable_v<Head>);
-static_assert(sizeof(Head) == 8 * 5 + 8 * 2 + sizeof(RayCounts) + 8 * 2 + kMostSamples * 12,
+static_assert(sizeof(Head) == 8 * 5 + 8 * 3 + sizeof(RayCounts) + 8 * 2 + kMostSamples * 12,
               "no padding: every byte of a checkpoint is defined");
 
 struct HashFree {
@@ -60,6 +60,7 @@ void writeCheckpoint(const fs::path& path, const CheckpointHeader& header,
   head.errorCheck = header.errorCheck;
   head.renderSeconds = header.renderSeconds;
   head.error = header.error;
+  head.coneShare = header.coneShare;
   head.rays = header.rays;
   head.nonFinite = header.nonFinite;
   head.nonFiniteListed = std::min(header.nonFiniteSamples.size(), kMostSamples);
@@ -95,6 +96,7 @@ CheckpointReader::CheckpointReader(const fs::path& path)
   }
   constexpr std::uint64_t kRest = sizeof(Head) + sizeof(std::uint64_t);
   if (problem || size < kRest || head.payloadBytes != size - kRest) refuse("it is cut short");
+  if (!(head.coneShare >= 0.0 && head.coneShare <= 1.0)) refuse("its share of cones is none");
   if (head.nonFiniteListed > kMostSamples) refuse("its list of samples is too long");
   Hash hash;
   hash.add(&head, sizeof(head));
@@ -117,6 +119,7 @@ CheckpointReader::CheckpointReader(const fs::path& path)
       .errorCheck = head.errorCheck,
       .renderSeconds = head.renderSeconds,
       .error = head.error,
+      .coneShare = head.coneShare,
       .rays = head.rays,
       .nonFinite = head.nonFinite,
       .nonFiniteSamples = {head.nonFiniteSamples, head.nonFiniteSamples + head.nonFiniteListed}};

@@ -25,6 +25,7 @@ struct CheckpointHeader {
   std::uint32_t tilesDone = 0;    ///< of the pass under way
   std::uint32_t errorCheck = 0;
   double renderSeconds = 0.0, error = 0.0;
+  double coneShare = 0.0;  ///< Session::coneShare(): it is kept
   RayCounts rays;
   std::uint64_t nonFinite = 0;
   std::vector<NonFiniteSample> nonFiniteSamples;  ///< at most 16

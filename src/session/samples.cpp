@@ -283,7 +283,9 @@ bool SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
 void SampleTaker::finish(const SampleSource& source, VoxelLight& light, SampleBatch& batch) {
   if (!batch.ticket) return;
   const auto scale = static_cast<float>(light.cache()->scale());
+  const std::uint64_t before = light.device()->statistics().deviceCones;
   const auto results = light.device()->finishGather(*batch.ticket);
+  rays_.deviceCones += light.device()->statistics().deviceCones - before;
   if (batch.gathers != nullptr) batch.gathers->end();
   std::vector<PathState> unknown;
   std::size_t next = 0;

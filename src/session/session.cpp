@@ -6,6 +6,7 @@
 #include "src/core/clock.h"
 #include "src/core/threads.h"
 #include "src/paths/walk_tracer.h"
+#include "src/session/cone_share.h"
 #include "src/session/picture_error.h"
 #include "src/session/unfiltered_pixels.h"
 
@@ -267,6 +268,7 @@ void Session::makeCaustics() {
 void Session::makeSources() {
   source_ = source(light_.cache(), caustics_.get());
   source_.pairs = source_.tracer->guesses();
+  report_.coneShare = source_.tracer->coneShare();
   source_.gathers = gathers_.get();
   if (!preview_) return;
   // Light of another time serves previews, if there is any; maps of caustics, where the view is the
@@ -280,10 +282,8 @@ SampleSource Session::source(const LightCache* cache, CausticMaps* caustics) {
   GuessOptions guess;
   if (settings_.exact < 1.0 && cache != nullptr && lights_->anyPower()) {
     guess.cache = cache;
-    guess.cones = settings_.guess == GuessKind::kCone ||
-                  (settings_.guess == GuessKind::kAuto && !light_.device()->sharesHostCores());
+    guess.coneShare = wantedConeShare();
   }
-  report_.cones = guess.cones;
   SampleSource made;
   made.tracer =
       std::make_unique<PathTracer>(model_->scene, *model_->rays, *lights_, *camera_, guess,
@@ -293,6 +293,27 @@ SampleSource Session::source(const LightCache* cache, CausticMaps* caustics) {
     made.batched =
         std::make_unique<BatchedTracer>(*made.tracer, *model_->rays, *loads_, traffic_.get());
   return made;
+}
+
+double Session::wantedConeShare() {
+  if (coneShare_) return *coneShare_;
+  switch (settings_.guess) {
+    case GuessKind::kRay:
+      return 0.0;
+    case GuessKind::kCone:
+      return 1.0;
+    case GuessKind::kMixed:
+      return settings_.coneShare;
+    case GuessKind::kAuto:
+      break;
+  }
+  const GRayTracer& device = *light_.device();
+  return autoConeShare(settings_.machine.get(), device.name(), device.sharesHostCores());
+}
+
+void Session::setConeShare(double share) {
+  coneShare_ = share;
+  if (source_.pairs && share != coneShare()) makeSources();
 }
 
 }  // namespace trex

@@ -84,7 +84,7 @@ struct SessionReport {
   std::string device = "none";     ///< where G-rays run
   bool deviceSharesCores = false;  ///< that device runs on the CPU's own
   bool photonRays = false;         ///< photons bounce as C-rays
-  bool cones = false;
+  double coneShare = 0.0;          ///< of the samples, whose far field is gathered by cones
 };
 
 class Session {
@@ -169,6 +169,11 @@ class Session {
   std::vector<double> tileShares() const;
   void setTileShares(std::span<const double> shares);
   void setTileShare(std::size_t tile, double share) { frame_->dial->setShare(tile, share); }
+  /// Of the samples, whose far field is gathered by cones: as the settings say, or was chosen.
+  double coneShare() const { return report_.coneShare; }
+  /// From now on so many: what a checkpoint or machine 0 began with. Of no effect where samples are
+  /// exact.
+  void setConeShare(double share);
   /// What the frame keeps of a sample.
   const FrameBuffers& buffers() const { return *frame_; }
   /// Paths that wait for pages together, which is why they had better be taken together; 0 where
@@ -235,6 +240,7 @@ class Session {
   void makeWalks();
   void makeSources();
   SampleSource source(const LightCache* cache, CausticMaps* caustics);
+  double wantedConeShare();
   std::uint32_t samplesAtOnce() const;
   void restartFrames();
   bool inPages() const { return model_->rays->parts().paged != nullptr; }
@@ -254,7 +260,8 @@ class Session {
   VoxelLight light_;
   SampleTaker samples_;
   SessionReport report_;
-  std::uint32_t turn_ = 0;  ///< pieces of work so far
+  std::uint32_t turn_ = 0;           ///< pieces of work so far
+  std::optional<double> coneShare_;  ///< setConeShare()
   std::unique_ptr<LightSet> lights_;
   std::unique_ptr<CameraRays> camera_;
   std::unique_ptr<CausticMaps> caustics_;          ///< null where the scene has none

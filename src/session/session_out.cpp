@@ -169,6 +169,7 @@ void Session::saveCheckpoint(const std::filesystem::path& path, std::uint64_t ke
   header.errorCheck = goal_.nextLook();
   header.renderSeconds = report_.renderSeconds;
   header.error = goal_.estimate();
+  header.coneShare = coneShare();
   header.rays = samples_.rays();
   header.nonFinite = frame_->sums.nonFiniteCount();
   header.nonFiniteSamples = frame_->sums.nonFiniteSamples();
@@ -181,6 +182,7 @@ void Session::restoreCheckpoint(CheckpointReader& reader) {
   if (header.tilesDone > frame_->tiles.tiles().size())
     reader.refuse("more tiles than the frame has");
   report_.renderSeconds = header.renderSeconds;
+  setConeShare(header.coneShare);
   samples_.restoreRays(header.rays);
   frame_->tiles.restore(header.samplesDone, header.tilesDone);
   if (frame_->dial) frame_->dial->restore(header.samplesDone);

@@ -2,18 +2,24 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "src/scene/scene.h"
 
+namespace trex::schedule {
+struct MachineRecord;
+}
+
 namespace trex {
 
 /// Which rung of the ladder serves as the guess of far, wide rays.
 enum class GuessKind : std::uint8_t {
-  kAuto,  ///< cones where the device has cores of its own, else exact rays into cached light
-  kRay,   ///< G1: an exact ray that ends in cached light
-  kCone,  ///< G0: a cone through the voxels beyond the near field
+  kAuto,   ///< a share of kMixed as the device pays for: see cone_share.h
+  kRay,    ///< G1: an exact ray that ends in cached light
+  kCone,   ///< G0: a cone through the voxels beyond the near field
+  kMixed,  ///< G0 for a share of the samples, G1 for the others
 };
 
 /// How photons go on from their first surface.
@@ -44,6 +50,9 @@ struct RenderSettings {
   std::uint32_t seed = 0;
   int device = kBestDevice;  ///< number of a Vulkan device, or one of the above
   GuessKind guess = GuessKind::kAuto;
+  double coneShare = 0.0;  ///< of kMixed, [0, 1]
+  /// What was measured of this machine, for kAuto; null: nothing.
+  std::shared_ptr<const schedule::MachineRecord> machine;
   PhotonKind photonKind = PhotonKind::kAuto;
   Denoise denoise = Denoise::kOff;
   bool transparent = false;         ///< no background; R, G, B are premultiplied by the layer A
@@ -63,5 +72,9 @@ struct RenderSettings {
 
 /// The share of exact samples as a user gives it: a number, or auto.
 std::string exactText(const RenderSettings& settings);
+/// The guess as a user gives it: auto, ray, cone, or the share of cones.
+std::string guessText(const RenderSettings& settings);
+/// The same of a share: ray is 0, cone is 1.
+std::string guessText(double coneShare);
 
 }  // namespace trex

@@ -391,7 +391,7 @@ bool Viewer::Impl::leaveDevice(const Error& e) {
 /// Two paired samples of a pixel far beyond those of the frame: the product of their differences
 /// estimates the square of the guess's bias there.
 void Viewer::Impl::probe() {
-  if (options.settings.exact > 0.0 || session->report().cones || !session->lights().anyPower()) {
+  if (options.settings.exact > 0.0 || session->coneShare() > 0.0 || !session->lights().anyPower()) {
     return;
   }
   const FrameBuffers& frame = session->shownFrame();

@@ -254,9 +254,7 @@ std::string Viewer::headlessCommand(const std::string& editsPath, const std::str
   if (i.maxBounces) command += " --max-bounces " + bouncesText(*i.maxBounces);
   for (const std::string& v : m.options.volumes) command += " --volume " + quoted(v);
   if (!m.options.environment.empty()) command += " --env " + quoted(m.options.environment);
-  if (s.guess != GuessKind::kAuto) {
-    command += s.guess == GuessKind::kRay ? " --guess ray" : " --guess cone";
-  }
+  if (s.guess != GuessKind::kAuto) command += " --guess " + guessText(s);
   if (s.photonKind != PhotonKind::kAuto) {
     command +=
         s.photonKind == PhotonKind::kRay ? " --photon-bounces ray" : " --photon-bounces voxel";

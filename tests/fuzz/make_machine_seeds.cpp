@@ -40,7 +40,7 @@ int main(int argc, char** argv) {
   write("view", SetView{1});
   write("set", ViewSet{1, "none"});
   write("light", LightComes{1, 4096});
-  write("pass", Pass{1, 2, 4096, kPairs | kRays, {0.25, 0.5, 1.0}});
+  write("pass", Pass{1, 2, 4096, 0.5, kPairs | kRays, {0.25, 0.5, 1.0}});
   write("job", GiveJob{2, 3, 64, 72});
   write("fetch", Fetch{1, {{65536, 0, 4096}, {131072, 0, 512}}});
   write("part", Part{1, Bytes(40, std::byte{3})});

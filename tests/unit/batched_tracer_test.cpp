@@ -223,7 +223,7 @@ TEST(BatchedTracer, PathsGoOnWhereConesDoNotKnow) {
   const EvenLight light;
   GuessOptions guess;
   guess.cache = &light;
-  guess.cones = true;
+  guess.coneShare = 1.0;
   const auto resumed = [&](std::uint64_t pages, const std::vector<PathState>* paths) {
     const Paged model = paged(plain(), pages);
     const LightSet lights(model.scene, *model.rays);

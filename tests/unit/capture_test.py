@@ -144,8 +144,8 @@ class CaptureTest(unittest.TestCase):
         self.assertIn("saved after", result.stderr)
         self.assertEqual(run("diff", out, out).returncode, 0)
 
-    def lose_device(self, submit, *parts):
-        command = ["render", self.cornell, "--size", "64x64", "--guess", "cone", *parts]
+    def lose_device(self, submit, *parts, guess="cone"):
+        command = ["render", self.cornell, "--size", "64x64", "--guess", guess, *parts]
         return subprocess.run([TREX, *map(str, command)], capture_output=True, text=True, timeout=600,
                               env={**os.environ, "TREX_FAIL_SUBMIT": str(submit)})
 
@@ -164,6 +164,41 @@ class CaptureTest(unittest.TestCase):
             self.assertEqual(json.loads(result.stdout)["samples"], 32)
             diff = run("diff", out, whole, "--metric", "flip", "--max", 0.001)
             self.assertEqual(diff.returncode, 0, (submit, diff.stdout, diff.stderr))
+
+    def test_a_share_of_cones_outlasts_a_lost_device(self):
+        whole, out = self.path("whole.exr"), self.path("a.exr")
+        job = ["--spp", 32, "--denoise", "off", "--json"]
+        full = json.loads(self.render("-o", whole, "--size", "64x64", "--guess", 0.5, *job, device="auto").stdout)
+        self.assertEqual(full["gathered_by_device"], full["g_rays"])
+        self.assertEqual(full["gathered_by_cpu"], full["cache_reads"])
+        self.assertGreater(full["gathered_by_cpu"], 0)
+        result = self.lose_device(25, "-o", out, *job, guess="0.5")
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(result.stderr.count("going on with the C++ tracer"), 1, result.stderr)
+        lost = json.loads(result.stdout)
+        self.assertIn(", then cpu", lost["device"])
+        self.assertEqual((lost["guess"], lost["samples"]), ("0.5", 32))
+        self.assertEqual(lost["g_rays"], full["g_rays"])
+        self.assertGreater(lost["gathered_by_device"], 0)
+        self.assertLess(lost["gathered_by_device"], lost["g_rays"])
+        self.assertEqual(lost["gathered_by_device"] + lost["gathered_by_cpu"], lost["g_rays"] + lost["cache_reads"])
+        self.assertIn(b", then cpu", read(out))
+        self.assertIn(b"trex:guess", read(out))
+        diff = run("diff", out, whole, "--metric", "flip", "--max", 0.001)
+        self.assertEqual(diff.returncode, 0, (diff.stdout, diff.stderr))
+
+    def test_a_share_of_cones_resumes_to_the_same_bits(self):
+        job = ["--size", "64x64", "--guess", 0.5, "--exact", 0.25, "--denoise", "off"]
+        whole, out, state = self.path("whole.exr"), self.path("a.exr"), self.path("a.checkpoint")
+        for device in ("none", "auto"):
+            self.render("-o", whole, *job, "--spp", 6, device=device)
+            self.render("-o", out, *job, "--spp", 3, "--checkpoint", state, device=device)
+            other = ["0.25" if x == 0.5 else x for x in job[:4]] + job[4:]
+            self.render("-o", out, *other, "--spp", 6, "--checkpoint", state, "--resume", code=3, says="other settings",
+                        device=device)
+            self.render("-o", out, *job, "--spp", 6, "--checkpoint", state, "--resume", device=device)
+            self.assertEqual(read(out), read(whole))
+            os.remove(state)
 
     def test_several_cameras_make_numbered_pictures(self):
         views = ["0,1,3.2/0,1,0/0,1,0/40", "0.5,1,3.2/0,1,0/0,1,0/40"]

@@ -49,6 +49,9 @@ ROWS = """
 2 | device                | render {cornell} -o {png} --device -1
 2 | device                | render {cornell} -o {png} --device 0x1
 2 | guess                 | render {cornell} -o {png} --guess magic
+2 | guess                 | render {cornell} -o {png} --guess 1.5
+2 | guess                 | render {cornell} -o {png} --guess nan
+2 | guess                 | render {cornell} -o {png} --guess 0.5cone
 2 | denoise               | render {cornell} -o {png} --denoise maybe
 2 | exposure              | render {cornell} -o {png} --exposure bright
 2 | exposure              | render {cornell} -o {png} --exposure 1e9
@@ -325,6 +328,13 @@ class Doctor(unittest.TestCase):
                 found = json.loads(result.stdout)
                 self.assertIsNone(found["measured"])
                 self.assertTrue(any("machine.json" in p for p in found["problems"]), found["problems"])
+            # A render that would ask it goes on without; others do not look.
+            job = [TREX, "render", os.path.join(ASSETS, "cornell.glb"), "-o", os.path.join(folder, "a.exr"), "--size", "8x8", "--spp", "1"]
+            for options, says in (([], True), (["--guess", "ray"], False), (["--device", "none"], False), (["--exact", "1"], False)):
+                result = subprocess.run([*job, *options], capture_output=True, text=True, timeout=600,
+                                        env={**os.environ, "XDG_STATE_HOME": folder})
+                self.assertEqual(result.returncode, 0, result.stderr)
+                self.assertEqual("machine.json" in result.stderr, says, (options, result.stderr))
         self.assertEqual(self.doctor("-o", "x.svg").returncode, 2)
         self.assertEqual(self.doctor("--measure", XDG_STATE_HOME="/proc/nothing").returncode, 5)
 

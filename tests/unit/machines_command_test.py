@@ -69,6 +69,23 @@ class Machines(ProgramTest):
                 diff = program.run("diff", out, one, "--metric", "flip", "--max", 0.001)
                 self.assertEqual(diff.returncode, 0, diff.stdout)
 
+    def test_a_share_of_cones_by_two_devices(self):
+        if not has_mpi():
+            self.skipTest("no mpirun, or a build without MPI")
+        job = ["render", self.cornell, "--size", "64x64", "--spp", 9, "--guess", 0.5, "--exact", 0.25, "--threads", 1, "--json"]
+        pictures, reports = [], []
+        for name, before in (("one.exr", []), ("two.exr", [*MPIRUN, "-n", "2"])):
+            p = subprocess.run([*before, program._trex, *map(str, job), "-o", self.path(name)], capture_output=True, text=True,
+                               timeout=120, env=self.environment)
+            self.assertEqual(p.returncode, 0, p.stderr)
+            pictures.append(self.read(name))
+            reports.append(json.loads(p.stdout))
+        self.assertEqual(pictures[0], pictures[1])
+        for key in ("guess", "g_rays", "gathered_by_device", "gathered_by_cpu"):
+            self.assertEqual(reports[0][key], reports[1][key], key)
+        self.assertEqual(reports[1]["guess"], "0.5")
+        self.assertGreater(reports[1]["gathered_by_device"], 0)
+
     def together(self, processes, *arguments, code=0, says="", **how):
         p = subprocess.run(self.command(processes, *arguments, **how), capture_output=True, text=True, timeout=120,
                            env=self.environment)

@@ -43,6 +43,28 @@ TEST(Machines, MakeTheSamePictureInAnyOrder) {
   EXPECT_GT(byOthers, 0u);
 }
 
+/// All gather the share by cones that machine 0 has chosen, or went on with.
+TEST(Machines, TakeTheShareOfConesOfMachineZero) {
+  setLogLevel(LogLevel::kQuiet);
+  RenderSettings s = settings(0.5, 6);
+  s.guess = GuessKind::kAuto;
+  const auto whole = sessionOf(roomModel(), s);
+  whole->setConeShare(0.3);
+  whole->run();
+  EXPECT_GT(whole->report().rays.cones, 0u);
+  Net net(3, 8);
+  Group group(net, roomModel(), s);
+  group.leader().waitForModels(kGoOn);
+  group.leader().beginView(0);
+  const auto shared = sessionOf(roomModel(), s);
+  shared->setConeShare(0.3);
+  shared->shareSamples(&group.leader());
+  shared->run();
+  EXPECT_EQ(shared->picture().values, whole->picture().values);
+  EXPECT_EQ(shared->report().rays.cones, whole->report().rays.cones);
+  EXPECT_EQ(shared->report().rays.cacheReads, whole->report().rays.cacheReads);
+}
+
 TEST(Machines, StoppingAndGoingOnChangesNoBit) {
   Net net(3, 5);
   expectSameAfterStops(net, roomModel(), settings(0.5, 8), 3);

@@ -46,6 +46,7 @@ RenderSettings settings(double exact, std::uint32_t samples, GuessKind guess = G
   s.exact = exact;
   s.device = RenderSettings::kNoDevice;
   s.guess = guess;
+  s.coneShare = 0.4;  // of kMixed
   s.denoise = exact <= 0.0 ? Denoise::kFilter : Denoise::kOff;
   return s;
 }
@@ -97,7 +98,7 @@ class CheckpointTest : public testing::Test {
 
 TEST(Session, StoppingAndGoingOnChangesNoBit) {
   for (const double exact : {0.0, 0.5, 1.0}) {
-    for (const GuessKind guess : {GuessKind::kRay, GuessKind::kCone}) {
+    for (const GuessKind guess : {GuessKind::kRay, GuessKind::kCone, GuessKind::kMixed}) {
       const auto whole = session(settings(exact, 6, guess));
       whole->run();
       const auto pieces = session(settings(exact, 6, guess));
@@ -128,6 +129,23 @@ TEST_F(CheckpointTest, GoesOnWithTheSameBitsFromAnyTile) {
       EXPECT_EQ(whole->report().samplesDone, second->report().samplesDone);
     }
   }
+}
+
+/// The share that a render began with is kept, whatever this machine would choose.
+TEST_F(CheckpointTest, KeepsTheShareOfCones) {
+  const auto whole = session(settings(0.5, 7, GuessKind::kMixed));
+  whole->run();
+  const auto first = session(settings(0.5, 7, GuessKind::kMixed));
+  int left = 11;
+  first->run([&] { return left-- > 0; });
+  first->saveCheckpoint(path_, 5, 0);
+  const auto second = session(settings(0.5, 7, GuessKind::kAuto));
+  CheckpointReader reader(path_);
+  EXPECT_EQ(reader.header().coneShare, 0.4);
+  second->restoreCheckpoint(reader);
+  EXPECT_EQ(second->coneShare(), 0.4);
+  second->run();
+  EXPECT_EQ(whole->picture().values, second->picture().values);
 }
 
 TEST_F(CheckpointTest, NoticesEveryChangedByteAndLength) {
@@ -270,7 +288,7 @@ TEST(Guess, IndirectLightIsRightWhateverTheLeaves) {
 
 TEST(Layers, DirectAndIndirectMakeTheMean) {
   for (const double exact : {0.0, 0.5, 1.0}) {
-    for (const GuessKind guess : {GuessKind::kRay, GuessKind::kCone}) {
+    for (const GuessKind guess : {GuessKind::kRay, GuessKind::kCone, GuessKind::kMixed}) {
       RenderSettings s = settings(exact, 8, guess);
       s.denoise = Denoise::kOff;
       const auto r = session(s);

@@ -3,6 +3,7 @@
 #include <CLI/CLI.hpp>
 #include <cmath>
 
+#include "src/command/kept_record.h"
 #include "src/command/parse.h"
 #include "src/core/error.h"
 #include "src/core/log.h"
@@ -14,7 +15,7 @@ namespace {
 
 /// As written; read once all are there.
 struct Texts {
-  std::string input, edits, size = "1280x720", device = "auto", guess = "auto";
+  std::string input, edits, size = "1280x720", device = "auto";
   std::string stale = "refuse", sceneDb = "central", maxMemory, maxGpuMemory, replay, report,
               screenshotFolder = ".";
   std::uint32_t samples = 4096;
@@ -38,9 +39,7 @@ void addOptions(CLI::App& c, Texts& t, ViewArguments& a) {
   c.add_option("--spp", t.samples, "Samples a pixel at which refining ends")
       ->check(CLI::Range(1u, 1u << 20))
       ->capture_default_str();
-  c.add_option("--guess", t.guess, "Guess of far, wide rays: auto, ray or cone")
-      ->check(CLI::IsMember({"auto", "ray", "cone"}))
-      ->capture_default_str();
+  addGuess(c, s);
   addPhotonBounces(c, a.viewer.settings.photonKind);
   addDenoise(c, s.denoise);
   c.add_option("--device", t.device, "Vulkan device of the G-rays: number, auto or none")
@@ -84,9 +83,7 @@ void read(const Texts& t, ViewArguments& a) {
   s.height = a.height;
   s.samples = t.samples;
   s.device = parseDevice(t.device);
-  s.guess = t.guess == "ray"    ? GuessKind::kRay
-            : t.guess == "cone" ? GuessKind::kCone
-                                : GuessKind::kAuto;
+  s.machine = measuredMachine(s);
   if (!t.maxMemory.empty()) s.maxMemory = parseBytes(t.maxMemory);
   if (!t.maxGpuMemory.empty()) s.maxGpuMemory = parseBytes(t.maxGpuMemory);
   a.viewer.input = t.input;
