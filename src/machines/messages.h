@@ -318,12 +318,13 @@ struct Lent {
   static constexpr Kind kKind = Kind::kLent;
   std::uint32_t edit = 0, id = 0, light = 0;
   std::uint64_t photons = 0;   ///< whose light the samples read; 0: none
+  double coneShare = 0.0;      ///< Session::coneShare() of the window
   std::uint32_t contents = 0;  ///< of samples: sample_bytes.h
   std::vector<LentUnit> units{};
   std::vector<double> shares{};  ///< of exact samples, by unit; none without a dial
   template <class F>
   void fields(F&& f) {
-    f(edit), f(id), f(light), f(photons), f(contents), f(units), f(shares);
+    f(edit), f(id), f(light), f(photons), f(coneShare), f(contents), f(units), f(shares);
   }
 };
 

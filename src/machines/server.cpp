@@ -153,6 +153,9 @@ void Server::take(Window& window, const Lent& lent, std::uint32_t begun) {
   if (lent.shares.size() != (dialled ? lent.units.size() : 0)) {
     throw MessageError("a loan has not a share a unit");
   }
+  if (!(lent.coneShare >= 0.0 && lent.coneShare <= 1.0)) {
+    throw MessageError("a share of cones is not 0 to 1");
+  }
   std::vector<TileUnit> units;
   for (const LentUnit& unit : lent.units) {
     if (unit.tile >= tiles || unit.sample > kMostNumber || unit.firstCell >= lattice::kCells) {
@@ -168,6 +171,7 @@ void Server::take(Window& window, const Lent& lent, std::uint32_t begun) {
       throw MessageError("a share is not 0 to 1");
     session.setTileShare(units[i].tile, lent.shares[i]);
   }
+  session.setConeShare(lent.coneShare);
   const double start = secondsNow();
   TakenSamples taken;
   passBegun_ = begun;

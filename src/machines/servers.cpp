@@ -175,7 +175,7 @@ bool Servers::addOne(Session& session, const Arrived& arrived) {
   if (!std::all_of(loan->units.begin(), loan->units.end(), isReady)) return false;
   TakenSamples taken;
   taken.rays = {result.cRays, result.shadowRays, result.cones, result.cacheReads,
-                result.exactPaths};
+                result.exactPaths, result.deviceCones};
   try {
     taken.samples = unpackSamples(result.samples, contentsFor(session), loan->samples);
   } catch (const MessageError& e) {
@@ -235,6 +235,7 @@ bool Servers::lendTo(Session& session, std::uint32_t machine, std::size_t mostTi
   Lent lent{.edit = edits_,
             .light = reads ? session.light().number() : 0,
             .photons = reads ? session.light().photons() : 0,
+            .coneShare = session.coneShare(),
             .contents = contentsFor(session)};
   std::vector<TileUnit> units;
   std::uint64_t samples = 0;
