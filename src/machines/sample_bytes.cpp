@@ -19,6 +19,7 @@ void eachPart(Sample& s, std::uint32_t contents, Visit&& visit) {
     if (s.paired) visit(s.directExact);
   }
   if (contents & kRays) visit(s.rays);
+  if (contents & kPhotonNoise) visit(s.photonNoise);
 }
 
 std::size_t bytesOf(std::uint32_t contents, bool paired) {
@@ -38,7 +39,8 @@ std::size_t pairBytes(std::uint32_t contents, std::size_t count) {
 std::uint32_t contentsOf(const FrameBuffers& frame, bool pairs) {
   return (pairs ? kPairs : 0u) | (frame.features ? kFeatures : 0u) |
          (frame.coverage ? kCoverage : 0u) | (frame.firstHits ? kFirstHits : 0u) |
-         (frame.direct ? kDirect : 0u) | (frame.dial ? kRays : 0u);
+         (frame.direct ? kDirect : 0u) | (frame.dial ? kRays : 0u) |
+         (frame.photonNoise ? kPhotonNoise : 0u);
 }
 
 std::uint64_t mostBytesOf(std::uint32_t contents, std::uint64_t samples) {

@@ -3,7 +3,7 @@
 //
 //   pairs      a bit a sample, if the frame has pairs: whether it is traced exactly as well
 //   samples    floats of each: guess 3 | exact 3 if paired | light 3 and feature 11 | alpha 1 |
-//              first 3 | direct 3 | direct of exact 3 if paired | rays u32
+//              first 3 | direct 3 | direct of exact 3 if paired | rays u32 | photons' noise 3
 #pragma once
 
 #include <span>
@@ -22,6 +22,7 @@ enum SampleContents : std::uint32_t {
   kFirstHits = 8,
   kDirect = 16,
   kRays = 32,
+  kPhotonNoise = 64,
 };
 
 /// What a frame keeps.

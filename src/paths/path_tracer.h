@@ -47,6 +47,7 @@ struct WavePath;
 struct GuessOptions {
   const CachedLight* cache = nullptr;  ///< null: exact paths alone
   FootprintRule footprint;
+  bool noise = false;              ///< PathSample::photonNoise is asked for
   bool cones = false;              ///< G0 and shadow cones are worth their cost on this device
   float shadowSolidAngle = 0.02f;  ///< of the sky, from which on a shadow ray is a G-ray, sr
 };

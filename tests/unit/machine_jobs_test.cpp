@@ -274,6 +274,7 @@ std::vector<TakenSample> someSamples(std::size_t count) {
          .alpha = unit(random),
          .direct = next(),
          .directExact = next(),
+         .photonNoise = next(),
          .rays = static_cast<std::uint32_t>(random()),
          .paired = random() % 3 == 0};
   }
@@ -282,7 +283,7 @@ std::vector<TakenSample> someSamples(std::size_t count) {
 
 TEST(SampleBytes, KeepWhatTheFrameKeeps) {
   const auto samples = someSamples(29);
-  for (std::uint32_t contents = 0; contents < 64; ++contents) {
+  for (std::uint32_t contents = 0; contents < 128; ++contents) {
     const Bytes bytes = packSamples(samples, contents);
     EXPECT_LE(bytes.size(), mostBytesOf(contents, samples.size()));
     const auto back = unpackSamples(bytes, contents, samples.size());
@@ -301,6 +302,7 @@ TEST(SampleBytes, KeepWhatTheFrameKeeps) {
       EXPECT_TRUE(!(contents & kDirect) || a.direct == b.direct);
       EXPECT_TRUE(!(contents & kDirect) || !b.paired || a.directExact == b.directExact);
       EXPECT_TRUE(!(contents & kRays) || a.rays == b.rays);
+      EXPECT_TRUE(!(contents & kPhotonNoise) || a.photonNoise == b.photonNoise);
     }
     for (std::size_t length = 0; length < bytes.size(); ++length) {
       EXPECT_THROW(unpackSamples(ByteView(bytes).first(length), contents, samples.size()),
