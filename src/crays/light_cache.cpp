@@ -28,8 +28,15 @@ LightCache::LightCache(const asvo::Tree& tree)
       info_(tree.info),
       leafSize_(tree.info.size / static_cast<float>(1u << tree.info.depth)) {}
 
-void LightCache::setLight(std::span<const asvo::uvec4> light, double scale, double photons) {
+void LightCache::setLight(std::span<const asvo::uvec4> light, double scale, double photons,
+                          std::span<const asvo::uvec4> before, double photonsBefore) {
   light_ = light;
+  before_ =
+      photonsBefore > 0.0 && photonsBefore < photons ? before : std::span<const asvo::uvec4>();
+  // With M of N photons before, light less before has (N - M) / M times the variance of light.
+  noiseScale_ = before_.empty()
+                    ? 0.0f
+                    : static_cast<float>(std::sqrt(photonsBefore / (photons - photonsBefore)));
   scale_ = static_cast<float>(scale);
   coarser_ = kCoarserForFootprint;
   for (double enough = kPhotonsOfLeaf * info_.leafCount; coarser_ > 0 && photons >= enough;) {
@@ -44,9 +51,9 @@ void LightCache::setLight(std::span<const asvo::uvec4> light, double scale, doub
   }
 }
 
-bool LightCache::irradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
-                            vec3& out) const {
-  if (light_.empty()) return false;
+LightCache::Place LightCache::find(const vec3& position, const vec3& normal, float radius,
+                                   vec2 jitter) const {
+  if (light_.empty()) return {};
   const float wide = std::max(radius / leafSize_, 1.0f);
   const auto up =
       std::max(std::min(static_cast<std::uint32_t>(std::ilogb(wide)), coarser_), least_);
@@ -57,12 +64,32 @@ bool LightCache::irradiance(const vec3& position, const vec3& normal, float radi
                      basis.bitangent * ((jitter.y - 0.5f) * edge);
   std::uint32_t voxel = tracer_.asvoFind(moved, level);
   if (voxel == asvo::ASVO_NONE) voxel = tracer_.asvoFindNear(position, normal, level);
-  if (voxel == asvo::ASVO_NONE) return false;
+  if (voxel == asvo::ASVO_NONE) return {};
   const float cosine = glm::dot(tracer_.asvoNormal(voxel), normal);
-  if (std::abs(cosine) < kLeastCosine || !(tracer_.asvoArea(voxel) > 0.0f)) return false;
-  if (tracer_.asvoArea(voxel) > kMostLayers * tracer_.asvoShownArea(voxel)) return false;
-  const asvo::uvec4& packed = light_[voxel];
-  out = tracer_.asvoUnpackRgb9e5(cosine > 0.0f ? packed.x : packed.y) * scale_;
+  if (std::abs(cosine) < kLeastCosine || !(tracer_.asvoArea(voxel) > 0.0f)) return {};
+  if (tracer_.asvoArea(voxel) > kMostLayers * tracer_.asvoShownArea(voxel)) return {};
+  return {voxel, cosine > 0.0f};
+}
+
+vec3 LightCache::read(std::span<const asvo::uvec4> light, const Place& place) const {
+  const asvo::uvec4& packed = light[place.voxel];
+  return tracer_.asvoUnpackRgb9e5(place.front ? packed.x : packed.y) * scale_;
+}
+
+bool LightCache::irradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
+                            vec3& out) const {
+  const Place place = find(position, normal, radius, jitter);
+  if (place.voxel == asvo::ASVO_NONE) return false;
+  out = read(light_, place);
+  return true;
+}
+
+bool LightCache::noisyIrradiance(const vec3& position, const vec3& normal, float radius,
+                                 vec2 jitter, vec3& out, vec3& noise) const {
+  const Place place = find(position, normal, radius, jitter);
+  if (place.voxel == asvo::ASVO_NONE) return false;
+  out = read(light_, place);
+  noise = before_.empty() ? vec3(0.0f) : noiseScale_ * (out - read(before_, place));
   return true;
 }
 

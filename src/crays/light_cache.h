@@ -36,6 +36,13 @@ class CachedLight {
   /// metres; `jitter` in [0, 1)^2. False where nothing is known, and the ray goes on.
   virtual bool irradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
                           vec3& out) const = 0;
+  /// The same, and a picture of its noise: a value alike for all reads of a place, of expectation 0
+  /// and the variance that `out` has as other photons might have come. 0 if nothing is known of it.
+  virtual bool noisyIrradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
+                               vec3& out, vec3& noise) const {
+    noise = vec3(0.0f);
+    return irradiance(position, normal, radius, jitter, out);
+  }
 };
 
 /// Reads a tree and its light; setLight() while nobody does.
@@ -44,8 +51,11 @@ class LightCache final : public CachedLight {
   /// The tree must outlive the cache. Without setLight() nothing is found.
   explicit LightCache(const asvo::Tree& tree);
   /// `light` as in asvo_layout.h, in units of `scale` W/m^2, of so many photons: the more there
-  /// are, the finer are the voxels that footprints read. The span must stay valid.
-  void setLight(std::span<const asvo::uvec4> light, double scale, double photons);
+  /// are, the finer are the voxels that footprints read. The span must stay valid. So must
+  /// `before`: the same of the first `photonsBefore` of the photons, which tells the noise; 0:
+  /// there is none.
+  void setLight(std::span<const asvo::uvec4> light, double scale, double photons,
+                std::span<const asvo::uvec4> before = {}, double photonsBefore = 0.0);
 
   bool hasLight() const { return !light_.empty(); }
   double scale() const { return static_cast<double>(scale_); }
@@ -65,13 +75,26 @@ class LightCache final : public CachedLight {
   /// hide each other.
   bool irradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
                   vec3& out) const override;
+  /// What the later photons add to the mean of the earlier ones, scaled to the noise of all. Lights
+  /// of few photons that samples were read from before have nothing to do with it.
+  bool noisyIrradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
+                       vec3& out, vec3& noise) const override;
 
  private:
+  /// A voxel and the side of it that faces the same way.
+  struct Place {
+    std::uint32_t voxel = asvo::ASVO_NONE;
+    bool front = true;
+  };
+  Place find(const vec3& position, const vec3& normal, float radius, vec2 jitter) const;
+  vec3 read(std::span<const asvo::uvec4> light, const Place& place) const;
+
   asvo::Tracer tracer_;
-  std::span<const asvo::uvec4> light_;
+  std::span<const asvo::uvec4> light_, before_;
   asvo::AsvoInfo info_{};
   float leafSize_ = 0.0f;
   float scale_ = 1.0f;
+  float noiseScale_ = 0.0f;    ///< of light_ less before_
   std::uint32_t least_ = 0;    ///< levels that every footprint goes up
   std::uint32_t coarser_ = 0;  ///< levels that a wide footprint may go up
 };

@@ -29,6 +29,9 @@ class Accumulator {
   std::uint32_t width() const { return width_; }
   std::uint32_t height() const { return height_; }
 
+  /// Whether the difference sums exist.
+  bool keepsPairs() const { return !difference_.empty(); }
+
   /// Adds a sample; `exact` may be null. A sample with a non-finite value never reaches the sums:
   /// it is counted, the first few are kept for the report, and the answer is false.
   bool add(std::uint32_t x, std::uint32_t y, std::uint32_t sample, const vec3& guess,

@@ -48,6 +48,9 @@ class LookImage {
   /// Means over the numbers of each pixel, in two parts; FeaturePart::light is the own light. Of
   /// known pixels.
   const FeatureImage& shown() const { return shown_; }
+  static std::uint64_t bytesNeeded(std::uint32_t width, std::uint32_t height) {
+    return FeatureImage::bytesNeeded(width, height) + std::uint64_t{width} * height;
+  }
 
  private:
   static constexpr std::uint32_t kOfTextures = 4;

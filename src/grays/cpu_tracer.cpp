@@ -45,10 +45,10 @@ struct PhotonCounts {
 class CpuTracer final : public GRayTracer {
  public:
   CpuTracer(const asvo::Tree& tree, std::span<const shaderio::PhotonMaterial> materials,
-            std::vector<asvo::uvec4> light)
+            std::vector<asvo::uvec4> light, std::vector<asvo::uvec4> before)
       : tree_(tree),
         materials_(materials.begin(), materials.end()),
-        light_(std::move(light)),
+        light_(std::move(light), std::move(before)),
         cones_(tree),
         grid_(tree.info.leafCount > 0 ? makeGrid(tree, photonGridLevel(tree.info))
                                       : std::vector<std::uint32_t>()),
@@ -145,6 +145,7 @@ class CpuTracer final : public GRayTracer {
   }
 
   std::span<const asvo::uvec4> light() const override { return light_.front(); }
+  std::span<const asvo::uvec4> lightBefore() const override { return light_.before(); }
   GRayStatistics statistics() const override { return statistics_; }
 
  private:
@@ -206,9 +207,11 @@ class CpuTracer final : public GRayTracer {
 
 std::unique_ptr<GRayTracer> makeCpuTracer(const asvo::Tree& tree,
                                           std::span<const shaderio::PhotonMaterial> materials,
-                                          std::vector<asvo::uvec4> light) {
+                                          std::vector<asvo::uvec4> light,
+                                          std::vector<asvo::uvec4> before) {
   light.resize(tree.nodes.size(), asvo::uvec4(0u));
-  return std::make_unique<CpuTracer>(tree, materials, std::move(light));
+  before.resize(tree.nodes.size(), asvo::uvec4(0u));
+  return std::make_unique<CpuTracer>(tree, materials, std::move(light), std::move(before));
 }
 
 }  // namespace trex

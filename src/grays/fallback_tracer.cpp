@@ -55,6 +55,7 @@ class FallbackTracer final : public GRayTracer {
     guarded([&] { tracer_->refresh(materials); });
   }
   std::span<const asvo::uvec4> light() const override { return tracer_->light(); }
+  std::span<const asvo::uvec4> lightBefore() const override { return tracer_->lightBefore(); }
 
   GRayStatistics statistics() const override {
     GRayStatistics s = tracer_->statistics();

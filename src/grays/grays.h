@@ -59,6 +59,8 @@ class GRayTracer {
   virtual void refresh(std::span<const shaderio::PhotonMaterial> materials) = 0;
   /// Irradiance as in asvo_layout.h light[], on the host; nodeCount entries.
   virtual std::span<const asvo::uvec4> light() const = 0;
+  /// What light() was before the last resolveLight() that was done; until the next one is called.
+  virtual std::span<const asvo::uvec4> lightBefore() const = 0;
   virtual GRayStatistics statistics() const = 0;
 
   /// A tracer that goes on in the place of another, and whether flux was lost on the way.
@@ -66,19 +68,21 @@ class GRayTracer {
     std::unique_ptr<GRayTracer> tracer;
     bool fluxLost = false;
   };
-  /// After an error of the device: the C++ tracer with the last resolved light() (at the same
-  /// address) and what is left of the flux. Results of cones stay valid; nothing else may be asked
-  /// of this tracer any more. Null for tracers without a device.
+  /// After an error of the device: the C++ tracer with the last resolved light() and lightBefore()
+  /// (at the same addresses) and what is left of the flux. Results of cones stay valid; nothing
+  /// else may be asked of this tracer any more. Null for tracers without a device.
   virtual Successor handOver() { return {}; }
   /// How often flux was lost with a device so far (makeFallbackTracer()): photons traced before do
   /// not count any more, and the next resolveLight() must not count them.
   virtual int fluxLosses() const { return 0; }
 };
 
-/// The C++ build of the tracer (oneTBB). `light`: what light() is at first; empty for none.
+/// The C++ build of the tracer (oneTBB). `light`, `before`: what light() and lightBefore() are at
+/// first; empty for none.
 std::unique_ptr<GRayTracer> makeCpuTracer(const asvo::Tree& tree,
                                           std::span<const shaderio::PhotonMaterial> materials,
-                                          std::vector<asvo::uvec4> light = {});
+                                          std::vector<asvo::uvec4> light = {},
+                                          std::vector<asvo::uvec4> before = {});
 
 /// Limits below the device's own; 0 keeps those.
 struct VulkanLimits {

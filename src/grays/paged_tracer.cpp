@@ -76,6 +76,7 @@ class PagedTracer final : public GRayTracer {
   }
 
   std::span<const asvo::uvec4> light() const override { return host_->light(); }
+  std::span<const asvo::uvec4> lightBefore() const override { return host_->lightBefore(); }
 
   GRayStatistics statistics() const override {
     GRayStatistics s = host_->statistics();

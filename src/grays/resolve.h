@@ -44,12 +44,15 @@ class LightBuffers {
  public:
   explicit LightBuffers(std::size_t nodes)
       : front_(nodes, asvo::uvec4(0u)), back_(nodes, asvo::uvec4(0u)) {}
-  /// `light`: a node each, the result at first.
-  explicit LightBuffers(std::vector<asvo::uvec4> light)
-      : front_(std::move(light)), back_(front_.size(), asvo::uvec4(0u)) {}
+  /// `light`, `before`: a node each, the result at first and that before it.
+  LightBuffers(std::vector<asvo::uvec4> light, std::vector<asvo::uvec4> before)
+      : front_(std::move(light)), back_(std::move(before)) {}
   const std::vector<asvo::uvec4>& front() const { return front_; }
-  /// Gives the result away; it keeps its address.
+  /// The result before, until the next resolve() is called.
+  const std::vector<asvo::uvec4>& before() const { return back_; }
+  /// Give results away; they keep their addresses.
   std::vector<asvo::uvec4> take() { return std::move(front_); }
+  std::vector<asvo::uvec4> takeBefore() { return std::move(back_); }
   /// As LightResolver::advance(); once done front() has the result. A slice under way is forgotten
   /// if the photons differ from the last call's.
   bool resolve(const asvo::Tree& tree, std::span<const std::uint32_t> direct,

@@ -117,6 +117,7 @@ class VulkanTracer final : public GRayTracer {
   }
 
   std::span<const asvo::uvec4> light() const override { return light_.front(); }
+  std::span<const asvo::uvec4> lightBefore() const override { return light_.before(); }
 
   GRayStatistics statistics() const override {
     GRayStatistics s = statistics_;
@@ -128,7 +129,7 @@ class VulkanTracer final : public GRayTracer {
 
   Successor handOver() override {
     light_.restart();
-    return {makeCpuTracer(tree_, materials_, light_.take()), hasFlux_};
+    return {makeCpuTracer(tree_, materials_, light_.take(), light_.takeBefore()), hasFlux_};
   }
 
  private:

@@ -20,6 +20,7 @@ void eachPart(Sample& s, std::uint32_t contents, Visit&& visit) {
   }
   if (contents & kRays) visit(s.rays);
   if (contents & kRayClasses) visit(s.cRays), visit(s.gRays);
+  if (contents & kPhotonNoise) visit(s.photonNoise);
 }
 
 std::size_t bytesOf(std::uint32_t contents, bool paired) {
@@ -40,7 +41,7 @@ std::uint32_t contentsOf(const FrameBuffers& frame, bool pairs) {
   return (pairs ? kPairs : 0u) | (frame.features ? kFeatures : 0u) |
          (frame.coverage ? kCoverage : 0u) | (frame.firstHits ? kFirstHits : 0u) |
          (frame.direct ? kDirect : 0u) | (frame.dial ? kRays : 0u) |
-         (frame.rayClasses ? kRayClasses : 0u);
+         (frame.rayClasses ? kRayClasses : 0u) | (frame.photonNoise ? kPhotonNoise : 0u);
 }
 
 std::uint64_t mostBytesOf(std::uint32_t contents, std::uint64_t samples) {

@@ -4,6 +4,7 @@
 //   pairs      a bit a sample, if the frame has pairs: whether it is traced exactly as well
 //   samples    floats of each: guess 3 | exact 3 if paired | light 3 and feature 11 | alpha 1 |
 //              first 3 | direct 3 | direct of exact 3 if paired | rays u32 | C-rays and G-rays u32
+//              | photons' noise 3
 #pragma once
 
 #include <span>
@@ -23,6 +24,7 @@ enum SampleContents : std::uint32_t {
   kDirect = 16,
   kRays = 32,
   kRayClasses = 64,
+  kPhotonNoise = 128,
 };
 
 /// What a frame keeps.

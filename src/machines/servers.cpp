@@ -174,8 +174,8 @@ bool Servers::addOne(Session& session, const Arrived& arrived) {
   const auto isReady = [&](const TileUnit& unit) { return tiles.isReadyFor(unit); };
   if (!std::all_of(loan->units.begin(), loan->units.end(), isReady)) return false;
   TakenSamples taken;
-  taken.rays = {result.cRays, result.shadowRays, result.cones, result.cacheReads,
-                result.exactPaths, result.deviceCones};
+  taken.rays = {result.cRays,      result.shadowRays, result.cones,
+                result.cacheReads, result.exactPaths, result.deviceCones};
   try {
     taken.samples = unpackSamples(result.samples, contentsFor(session), loan->samples);
   } catch (const MessageError& e) {

@@ -119,11 +119,16 @@ bool PathTracer::endInCache(WavePath& path, const vec3& side) const {
   const float radius = (path.travelled + path.hit.t) * guess_.footprint.spread(path.roughness);
   if (radius < guess_.footprint.cacheVoxels * guess_.cache->detail()) return false;
   const vec2 jitter = path.sampler.next2D();
-  vec3 irradiance;
-  if (!guess_.cache->irradiance(vec3(path.surface.position), side, radius, jitter, irradiance)) {
-    return false;
-  }
-  path.sample->guess += path.throughput * bsdfOf(path).cachedAlbedo() * irradiance * kInvPi;
+  const vec3 position(path.surface.position);
+  vec3 irradiance, noise(0.0f);
+  const bool known =
+      guess_.noise
+          ? guess_.cache->noisyIrradiance(position, side, radius, jitter, irradiance, noise)
+          : guess_.cache->irradiance(position, side, radius, jitter, irradiance);
+  if (!known) return false;
+  const vec3 sent = path.throughput * bsdfOf(path).cachedAlbedo();
+  path.sample->guess += sent * irradiance * kInvPi;
+  path.sample->photonNoise += sent * noise * kInvPi;
   ++path.counts->cacheReads;
   return true;
 }

@@ -28,6 +28,7 @@ struct PathSample {
   /// Of `common`: what emitters, unlit surfaces and the sky send to the eye, straight or by mirrors
   /// alone. Nothing about it is left to chance, so no filter may touch it.
   vec3 own{0.0f};
+  vec3 photonNoise{0.0f};  ///< of `guess`, a picture of it: CachedLight::noisyIrradiance()
   Feature feature;
   FirstHit first;
   /// 1 where the camera's ray meets a surface, glass included; of a blended or masked one the share

@@ -47,6 +47,7 @@ struct WavePath;
 struct GuessOptions {
   const CachedLight* cache = nullptr;  ///< null: exact paths alone
   FootprintRule footprint;
+  bool noise = false;              ///< PathSample::photonNoise is asked for
   /// Of the samples, [0, 1]: those whose far field is gathered by cones (G0, and shadow cones). The
   /// others follow rays into cached light. Which ones is drawn from pixel, number and seed.
   double coneShare = 0.0;

@@ -9,6 +9,8 @@
 #include "src/frame/light_memory.h"
 #include "src/frame/look_image.h"
 #include "src/session/dial.h"
+#include "src/session/light_noise.h"
+#include "src/session/photon_noise.h"
 #include "src/session/scheduler.h"
 
 namespace trex {
@@ -27,6 +29,9 @@ struct FrameBuffers {
   std::shared_ptr<LookImage> looks;
   std::shared_ptr<LightMemory> memory;  ///< outlives restart()
   std::unique_ptr<Dial> dial;           ///< null where the share of pairs is given
+  // Of captures with a dial, for estimates of their error:
+  std::unique_ptr<PhotonNoise> photonNoise;
+  std::unique_ptr<LightNoise> lightNoise;  ///< null without a filter
   TileScheduler tiles;
 
   FrameBuffers(std::uint32_t width, std::uint32_t height, bool pairs, bool filtered,
@@ -66,6 +71,8 @@ struct FrameBuffers {
   void restart(std::uint32_t x, std::uint32_t y) {
     sums.restart(x, y);
     if (features) features->restart(x, y);
+    if (photonNoise) photonNoise->restart(x, y);
+    if (lightNoise) lightNoise->restart(x, y);
     if (direct) direct->restart(x, y);
     if (coverage) coverage->restart(x, y);
     if (firstHits) firstHits->restart(x, y);

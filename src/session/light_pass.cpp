@@ -149,7 +149,8 @@ bool LightPass::run(std::uint64_t target, const std::function<bool()>& keepGoing
     going = going && device_.resolveLight(emitted_, keepGoing);
   } while (noticeLoss());
   if (going) {
-    cache_.setLight(device_.light(), scale_, static_cast<double>(emitted_));
+    cache_.setLight(device_.light(), scale_, static_cast<double>(emitted_), device_.lightBefore(),
+                    static_cast<double>(resolved_));
     resolved_ = emitted_;
   }
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;

@@ -239,13 +239,24 @@ std::vector<vec3> MeasuredCorrection::take(const std::vector<vec3>& picture) {
                  dotOf(weigh[i] * out[i], out[i]);
     }
   });
-  // As much of it as stands out of its standard error.
-  const BiasFigures coarse = biasOf(weigh, kBlockSides[0]), fine = biasOf(weigh, kBlockSides[1]);
-  const double rest = std::max(coarse.square - captured.sum, 0.0);
-  const double detail = std::max(fine.square - coarse.square - fine.doubt, 0.0);
-  errorLeft_ = rest > 0.0 ? rest * rest / (rest + coarse.doubt) + detail : detail;
-  errorLeft_ /= 3.0 * static_cast<double>(picture.size());
+  double gained = captured.sum;
+  if (!(gained > 0.0)) {  // a few rare bright paths outweigh all others: it does harm
+    std::fill(out.begin(), out.end(), vec3(0.0f));
+    gained = 0.0;
+  }
+  const BiasFigures even = biasOf(weigh, kBlockSides[0]), fine = biasOf(weigh, kBlockSides[1]);
+  const double values = 3.0 * static_cast<double>(picture.size());
+  left_ = {{even.square / values, even.doubt / values},
+           std::max(fine.square - even.square - fine.doubt, 0.0) / values,
+           gained / values};
   return out;
+}
+
+double BiasLeft::square(double known) const {
+  const double sure = std::max(known, captured), more = even.square - sure;
+  const double beyond =
+      more > 0.0 ? more * more / (more + even.doubt) : std::min(more + kSurely * even.doubt, 0.0);
+  return std::max(sure + beyond - captured, 0.0) + detail;
 }
 
 }  // namespace trex

@@ -36,6 +36,17 @@ NoisyPixels exactDifferences(const FrameBuffers& frame);
 /// What the square of an error at each value of a picture weighs in relMSE.
 std::vector<vec3> relativeWeights(const std::vector<vec3>& picture);
 
+/// What is left of a guess's bias, in squares: what pairs say of it, and what is taken away.
+struct BiasLeft {
+  BiasFigures even;       ///< of the guess, even in blocks of 8 x 8 pixels
+  double detail = 0.0;    ///< of smaller blocks, as far as it stands out
+  double captured = 0.0;  ///< by the correction
+
+  /// Estimated; `known` of the square of the bias, even in blocks, is known without pairs. What
+  /// they say beyond that counts as far as it stands out of its standard error.
+  double square(double known = 0.0) const;
+};
+
 /// One correction under way. One thread at a time.
 class MeasuredCorrection {
  public:
@@ -47,8 +58,8 @@ class MeasuredCorrection {
   bool advance(const std::function<bool()>& keepGoing);
   /// Once done: the correction of a picture, which decides what an error weighs.
   std::vector<vec3> take(const std::vector<vec3>& picture);
-  /// Estimated relMSE that the picture still has with the correction, noise of the guess aside.
-  double errorLeft() const { return errorLeft_; }
+  /// Then: in relMSE, the bias that the picture still has.
+  const BiasLeft& left() const { return left_; }
 
  private:
   struct Shared;
@@ -63,7 +74,7 @@ class MeasuredCorrection {
   std::vector<vec3> raw_, variance_;
   std::vector<vec3> filtered_[2], all_;  ///< of each half, which tells how much of all is true
   std::optional<GuessFilter> filter_;    ///< the one under way: they are large, and dear to begin
-  double errorLeft_ = 0.0;
+  BiasLeft left_;
 };
 
 }  // namespace trex

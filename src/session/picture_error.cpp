@@ -2,29 +2,24 @@
 
 #include <algorithm>
 
-#include "src/core/sampler.h"
-
 namespace trex {
 namespace {
 
 constexpr std::uint32_t kSamplesThatTell = 4;
-/// Standard deviations by which light is changed: small against what the filter tells apart.
+/// Part of its noise by which light is changed: small against what the filter tells apart.
 constexpr float kChange = 0.25f;
+/// Pixels of a block each way, in which what a filter leaves of photons' noise counts as even.
+constexpr std::uint32_t kEven = 4;
 /// Of the true error over what is seen of it: detail within two pixels that the filter blurs, or
 /// that the guess has wrong, is not. Found on interiors (docs/auto.md).
 constexpr double kUnseen = 1.7;
-constexpr std::uint32_t kSalt = 0x9e3779b9u;
-
-/// Each channel of each pixel goes up or down.
-vec3 signsOf(std::uint32_t x, std::uint32_t y) {
-  const std::uint32_t bits = hashCombine(hashCombine(x, y), kSalt);
-  return {bits & 1u ? 1.0f : -1.0f, bits & 2u ? 1.0f : -1.0f, bits & 4u ? 1.0f : -1.0f};
-}
 
 double sumOf(const vec3& v) { return static_cast<double>(v.x + v.y + v.z); }
 
-vec3 deviation(const FrameBuffers& frame, std::uint32_t x, std::uint32_t y) {
-  return glm::sqrt(vec3(frame.sums.guess(x, y).varianceOfMean()));
+/// Another draw of a pixel's noise.
+vec3 noiseOf(const FrameBuffers& frame, std::uint32_t x, std::uint32_t y) {
+  const auto count = static_cast<float>(frame.sums.guess(x, y).count());
+  return frame.lightNoise->draw(x, y, frame.features->light(x, y), count);
 }
 
 }  // namespace
@@ -36,14 +31,14 @@ double estimatePictureError(const FrameBuffers& frame) {
   options.keepGuess = true;
   ShownPicture shown(frame, width, height, options);
   shown.advance([] { return true; });
-  if (shown.biasLeft() < 0.0) return kInfinity;
+  if (!shown.biasLeft()) return kInfinity;
   const std::vector<vec3> picture = shown.take(), weigh = relativeWeights(picture);
   const std::vector<vec3>& light = shown.guessLight();
 
   FeatureImage changed = *frame.features;
   for (std::uint32_t y = 0; y < height; ++y) {
     for (std::uint32_t x = 0; x < width; ++x) {
-      changed.addLight(x, y, kChange * signsOf(x, y) * deviation(frame, x, y));
+      changed.addLight(x, y, kChange * noiseOf(frame, x, y));
     }
   }
   const std::vector<vec3> other = denoiseFrame(frame, changed, options.method);
@@ -54,11 +49,11 @@ double estimatePictureError(const FrameBuffers& frame) {
   for (std::uint32_t y = 0; y < height; ++y) {
     for (std::uint32_t x = 0; x < width; ++x) {
       const std::size_t i = std::size_t{y} * width + x;
-      const vec3 noise = deviation(frame, x, y), step = (other[i] - light[i]) / kChange;
+      const vec3 noise = noiseOf(frame, x, y), step = (other[i] - light[i]) / kChange;
       left[i] = (frame.features->light(x, y) - light[i]) * glm::sqrt(weigh[i]);
       moved += sumOf(weigh[i] * step * step);
       told += sumOf(weigh[i] * noise * noise);
-      own += sumOf(weigh[i] * noise * signsOf(x, y) * step);
+      own += sumOf(weigh[i] * noise * step);
       square += sumOf(left[i] * left[i]);
       if (x > 0) common += sumOf(left[i] * left[i - 1]);
       if (y > 0) common += sumOf(left[i] * left[i - width]);
@@ -71,7 +66,8 @@ double estimatePictureError(const FrameBuffers& frame) {
   const double taken = told - 2.0 * own + moved;
   const double noise = taken > 0.0 ? std::min(square / taken, 1.0) * moved / pixels : 0.0;
   const double shared = neighbours > 0.0 ? common / neighbours + 2.0 * noise : 0.0;
-  return kUnseen * std::max(shared, noise) / 3.0 + shown.biasLeft();
+  const double photons = frame.photonNoise->square(frame.tiles.samplesDone(), weigh, kEven);
+  return kUnseen * std::max(shared, noise) / 3.0 + shown.biasLeft()->square(photons);
 }
 
 }  // namespace trex

@@ -6,18 +6,20 @@
 
 namespace trex {
 
-/// Estimated relMSE (as Accumulator::estimatedError()) of the picture that a frame with a dial
-/// shows by the filter; Open Image Denoise is seldom worse, and takes longer to ask. It is the sum
-/// of
+/// Estimated relMSE (as Accumulator::estimatedError()) of the picture that a capture's frame with a
+/// dial shows by the filter; Open Image Denoise is seldom worse, and takes longer to ask. It is the
+/// sum of
 ///
 ///   the error of the denoised guess against the guess without noise. Its noise N is found by one
-///   more run of the filter on light that is changed by its standard deviation (a parametric
-///   bootstrap), scaled to the noise that samples have, as they are stratified. What the filter
-///   leaves of its input it shares between neighbours as far as it is error of its own: the mean
-///   product of neighbours is the square of the filter's bias less N, as in Stein's unbiased risk
-///   estimate. Detail within two pixels is not seen so: a constant stands for it;
+///   more run of the filter on light that is changed by another draw of its noise (LightNoise, a
+///   bootstrap that knows how rare and bright samples are), scaled to the noise that samples have,
+///   as they are stratified. What the filter leaves of its input it shares between neighbours as
+///   far as it is error of its own: the mean product of neighbours is the square of the filter's
+///   bias less N, as in Stein's unbiased risk estimate. Detail within two pixels is not seen so: a
+///   constant stands for it;
 ///
 ///   the bias that is left after the correction, and the correction's noise: MeasuredCorrection.
+///   What photons have left in the light that samples read is known without pairs: PhotonNoise.
 ///
 /// Infinite while there are too few samples or pairs to tell. Takes as long as four runs of the
 /// filter.

@@ -41,6 +41,15 @@ std::uint64_t photonsFor(std::uint32_t sample, std::uint64_t pixels, std::uint64
                   leastPhotons);
 }
 
+std::vector<SampleLight> lightsOf(std::uint64_t pixels, std::uint64_t leastPhotons, bool inPages) {
+  std::vector<SampleLight> lights{{0, photonsFor(0, pixels, leastPhotons, inPages)}};
+  for (std::uint32_t sample = 4; sample < 1u << 30; sample *= 4) {
+    const std::uint64_t photons = photonsFor(sample, pixels, leastPhotons, inPages);
+    if (photons > lights.back().photons) lights.push_back({sample, photons});
+  }
+  return lights;
+}
+
 bool awaitsLight(const SessionState& s) {
   return s.guesses && s.light != State::kAbsent && s.light != State::kReady;
 }

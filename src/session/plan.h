@@ -8,7 +8,9 @@
 
 #include <cstdint>
 #include <optional>
+#include <vector>
 
+#include "src/session/photon_noise.h"
 #include "src/session/voxel_light.h"
 
 namespace trex {
@@ -59,6 +61,9 @@ bool awaitsLight(const SessionState& s);
 constexpr std::uint32_t kTogether = 4;
 std::uint64_t photonsFor(std::uint32_t sample, std::uint64_t pixels, std::uint64_t leastPhotons,
                          bool inPages);
+
+/// The lights of all samples of such a picture.
+std::vector<SampleLight> lightsOf(std::uint64_t pixels, std::uint64_t leastPhotons, bool inPages);
 
 /// Nothing if there is nothing to do: the goal is reached, or voxels are awaited.
 std::optional<Work> plan(const SessionState& s);

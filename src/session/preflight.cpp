@@ -10,11 +10,14 @@
 #include "src/frame/accumulator.h"
 #include "src/frame/denoise.h"
 #include "src/frame/features.h"
+#include "src/frame/look_image.h"
 #include "src/frame/oidn.h"
 #include "src/scene/import.h"
 #include "src/scene/synth.h"
 #include "src/scene/texture_cache.h"
 #include "src/session/denoiser.h"
+#include "src/session/light_noise.h"
+#include "src/session/photon_noise.h"
 
 namespace trex {
 namespace {
@@ -36,14 +39,22 @@ std::uint64_t allowedBytes(const RenderSettings& settings) {
   return settings.maxMemory > 0 ? std::min(settings.maxMemory, all) : all;
 }
 
-std::uint64_t frameBytes(const RenderSettings& s, const PictureLayers& layers) {
+/// `lit`: samples have guesses, so that exact ones may be paired with them.
+std::uint64_t frameBytes(const RenderSettings& s, const PictureLayers& layers, bool lit) {
   const std::uint64_t pixels = std::uint64_t{s.width} * s.height;
-  const bool pairs = s.exact > 0.0 && s.exact < 1.0;
+  const bool pairs = s.exact > 0.0 && s.exact < 1.0 && (lit || s.interactive);
   std::uint64_t bytes = Accumulator::bytesNeeded(s.width, s.height, pairs);
   const bool filter =
       s.denoise != Denoise::kOff && !(s.denoise == Denoise::kAuto && s.exact >= 1.0);
   const bool oidn = mayUseOidn(s);
   if (filter || layers.needsFeatures()) bytes += FeatureImage::bytesNeeded(s.width, s.height);
+  if (s.interactive) {  // the preview's sums, and the looks of both
+    bytes += bytes + (filter ? LookImage::bytesNeeded(s.width, s.height) : 0);
+  }
+  if (s.dial && lit && !s.interactive) {
+    bytes += PhotonNoise::bytesNeeded(s.width, s.height) +
+             (filter ? LightNoise::bytesNeeded(s.width, s.height) : 0);
+  }
   if (oidn || layers.needsSplit()) bytes += pixels * DirectImage::kBytesAPixel;
   if (layers.alpha) bytes += pixels * CoverageImage::kBytesAPixel;
   if (layers.needsFirstHit()) bytes += pixels * FirstHitImage::kBytesAPixel;
@@ -166,13 +177,14 @@ Preflight preflight(const Scene& scene, const RenderSettings& settings, const Pi
   phase("rendering", here - std::min(here, sourceBytes(scene) / 2) + meshes + topLevelBytes +
                          tiles + (device ? kDeviceBytes : 0) + (voxels ? voxelBytes : 0) +
                          (settings.servesModel ? meshes + kFewestVoxelBytes : 0) +
-                         settings.sharedBytes + frameBytes(settings, layers));
+                         settings.sharedBytes + frameBytes(settings, layers, voxels));
   logVerbose("memory: {:>10} allowed", formatBytes(p.allowed));
   if (p.needed > p.allowed) {
     RenderSettings guess = settings;
     guess.exact = 0.0;
     guess.dial = false;
-    const std::uint64_t saved = frameBytes(settings, layers) - frameBytes(guess, layers);
+    const std::uint64_t saved =
+        frameBytes(settings, layers, voxels) - frameBytes(guess, layers, voxels);
     refuse(p, settings, bakedVoxels.has_value(),
            settings.exact < 1.0 && p.needed - saved <= p.allowed);
   }

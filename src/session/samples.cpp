@@ -99,6 +99,7 @@ TakenSample takenOf(const SampleBatch& batch, std::size_t i) {
           .alpha = p.alpha,
           .direct = p.direct,
           .directExact = p.directExact,
+          .photonNoise = p.photonNoise,
           .rays = static_cast<std::uint32_t>(rays.cRays + rays.shadowRays + rays.cones),
           .cRays = static_cast<std::uint32_t>(rays.cRays + rays.shadowRays),
           .gRays = static_cast<std::uint32_t>(rays.cones + rays.cacheReads),
@@ -112,6 +113,7 @@ void addSample(FrameBuffers& frame, std::uint32_t x, std::uint32_t y, std::uint3
   const bool finite = frame.sums.add(x, y, sample, p.guess, p.paired ? &p.exact : nullptr);
   if (frame.features && finite) {
     frame.features->add(x, y, p.feature, p.light);
+    if (frame.lightNoise) frame.lightNoise->add(x, y, sample, p.light);
     if (frame.memory) frame.memory->add(p.feature, p.light);
     if (frame.looks && sample > 0) frame.looks->add(x, y, sample, p.feature, p.guess - p.light);
   }
@@ -123,6 +125,7 @@ void addSample(FrameBuffers& frame, std::uint32_t x, std::uint32_t y, std::uint3
   if (frame.rayClasses) {
     frame.rayClasses->add(x, y, static_cast<float>(p.cRays), static_cast<float>(p.gRays));
   }
+  if (frame.photonNoise) frame.photonNoise->add(x, y, sample, p.photonNoise);
   if (frame.dial) frame.dial->add(frame.tiles.tileAt(x, y), p.paired, p.rays);
 }
 
@@ -326,6 +329,7 @@ void SampleTaker::resume(const SampleSource& source, std::span<const PathState> 
     PathSample& path = batch.paths[paths[i].job];
     path.guess += samples[i].common + samples[i].guess;
     path.direct += samples[i].direct;
+    path.photonNoise += samples[i].photonNoise;
     batch.rays[paths[i].job].add(counts[i]);
     rays_.add(counts[i]);
   }

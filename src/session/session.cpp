@@ -167,10 +167,16 @@ void Session::shootPhotons(std::uint64_t photons, const KeepGoing& keepGoing) {
   if (sharer_) sharer_->lightComes(*this, photons);
   if (helper_) helper_->lightComes(*this, photons);
   const LightCache* before = light_.cache();
-  if (!light_.shoot(photons, keepGoing) || !first) return;
+  if (!light_.shoot(photons, keepGoing, photonsBefore(photons)) || !first) return;
   frame_->restart(preview_ && preview_->looks ? preview_.get() : nullptr);
   ++frameNumber_;
   if (light_.cache() != before) makeSources();
+}
+
+/// Of so many photons, how many tell the noise of all if that is asked for.
+std::uint64_t Session::photonsBefore(std::uint64_t photons) const {
+  const PhotonNoise* noise = frame_->photonNoise.get();
+  return noise != nullptr ? trex::photonsBefore(noise->lights(), photons) : 0;
 }
 
 /// One step towards photons. Those of the viewer go where it looks.
@@ -190,7 +196,7 @@ double Session::progress() const {
 
 double Session::estimatedError(std::uint32_t stride) const {
   if (samplesDone() < 2) return -1.0;
-  if (!frame_->dial || stride != 1) return frame_->sums.estimatedError(stride);
+  if (!frame_->photonNoise || stride != 1) return frame_->sums.estimatedError(stride);
   const double error = method_ == DenoiseMethod::kOff ? UnfilteredPixels(*frame_).estimatedError()
                                                       : estimatePictureError(*frame_);
   return error < kInfinity ? error : -1.0;
@@ -214,9 +220,12 @@ void Session::makeFrames() {
   PictureLayers kept = layers_;
   kept.direct |= mayUseOidn(settings_);
   const bool filtered = method_ != DenoiseMethod::kOff;
+  // A model without voxels has no guesses; the viewer's may get some.
+  const bool guesses = settings_.interactive || model_->voxels != nullptr;
+  const bool pairs = shownOptions().pairs && guesses;
   const auto make = [&](Order order) {
     return std::make_unique<FrameBuffers>(
-        width, height, shownOptions().pairs, filtered, kept,
+        width, height, pairs, filtered, kept,
         TileScheduler(makeTiles(width, height, kTileSize), order, width, height));
   };
   frame_ = make(settings_.interactive ? Order::kPerception : Order::kSweep);
@@ -225,6 +234,11 @@ void Session::makeFrames() {
     frame_->dial =
         std::make_unique<Dial>(frame_->tiles.tiles().size(), pixels(),
                                DialUse{filtered ? Pooling{} : Pooling::none(), inPages()});
+  }
+  if (settings_.dial && !settings_.interactive && guesses) {
+    frame_->photonNoise = std::make_unique<PhotonNoise>(
+        width, height, lightsOf(pixels(), settings_.photons, inPages()));
+    if (filtered) frame_->lightNoise = std::make_unique<LightNoise>(width, height);
   }
   if (!settings_.interactive) return;
   preview_ = make(Order::kPerception);
@@ -283,6 +297,7 @@ SampleSource Session::source(const LightCache* cache, CausticMaps* caustics) {
   if (settings_.exact < 1.0 && cache != nullptr && lights_->anyPower()) {
     guess.cache = cache;
     guess.coneShare = wantedConeShare();
+    guess.noise = frame_->photonNoise != nullptr;
   }
   SampleSource made;
   made.tracer =

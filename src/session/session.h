@@ -234,6 +234,7 @@ class Session {
   bool corrected() const;
   std::uint32_t nextLook() const;
   void shootPhotons(std::uint64_t photons, const KeepGoing& keepGoing);
+  std::uint64_t photonsBefore(std::uint64_t photons) const;
   void makeFrames();
   void makeCamera();
   void makeCaustics();

@@ -152,6 +152,8 @@ std::vector<std::span<std::byte>> Session::sums() {
   std::vector<std::span<std::byte>> parts{frame_->sums.guessBytes(),
                                           frame_->sums.differenceBytes()};
   if (frame_->dial) parts.push_back(frame_->dial->bytes());
+  if (frame_->lightNoise) parts.push_back(frame_->lightNoise->bytes());
+  if (frame_->photonNoise) parts.push_back(frame_->photonNoise->bytes());
   if (frame_->features) parts.push_back(frame_->features->bytes());
   if (frame_->direct) parts.push_back(frame_->direct->bytes());
   if (frame_->coverage) parts.push_back(frame_->coverage->bytes());
@@ -192,8 +194,9 @@ void Session::restoreCheckpoint(CheckpointReader& reader) {
   const std::uint32_t passes = header.samplesDone + (header.tilesDone > 0 ? 1 : 0);
   if (light_.state() == VoxelLight::State::kAbsent || passes == 0) return;
   renewLight();
-  light_.shoot(photonsFor(passes - 1, pixels(), light_.leastPhotons(), inPages()),
-               [] { return true; });
+  const std::uint64_t photons = photonsFor(passes - 1, pixels(), light_.leastPhotons(), inPages());
+  light_.shoot(
+      photons, [] { return true; }, photonsBefore(photons));
 }
 
 }  // namespace trex

@@ -289,7 +289,7 @@ bool ShownPicture::advance(const std::function<bool()>& keepGoing) {
   if (keepGuess_ && guessLight_.empty()) guessLight_ = lit_;
   if (correction_) {
     if (!addMeasured(*correction_, keepGoing)) return false;
-    biasLeft_ = correction_->errorLeft();
+    biasLeft_ = correction_->left();
     correction_.reset();
   }
   if (lost_) {

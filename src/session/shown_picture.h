@@ -49,9 +49,9 @@ class ShownPicture {
   bool advance(const std::function<bool()>& keepGoing);
   /// Once advance() is true: row by row, ceil(width / spacing) wide, or if spread / shown.
   std::vector<vec3> take() { return std::move(picture_); }
-  /// Once advance() is true: what MeasuredCorrection::errorLeft() says;
-  /// negative if there are too few pairs to tell.
-  double biasLeft() const { return biasLeft_; }
+  /// Once advance() is true: what the correction leaves of the bias; none if there are too few
+  /// pairs to tell.
+  const std::optional<BiasLeft>& biasLeft() const { return biasLeft_; }
   /// The guess's denoised light, without correction.
   const std::vector<vec3>& guessLight() const { return guessLight_; }
 
@@ -66,7 +66,7 @@ class ShownPicture {
   std::vector<vec3> lit_;      ///< what is filtered
   double missing_ = 0.0;       ///< sum of the differences to exact paths that lit_ is without
   double doubt_ = 0.0;         ///< with a dial: its variance
-  double biasLeft_ = -1.0;
+  std::optional<BiasLeft> biasLeft_;
   bool keepGuess_ = false;
   std::vector<vec3> guessLight_;
   std::vector<float> scattering_;            ///< shares of the pixels that the correction is of

@@ -22,6 +22,7 @@ struct TakenSample {
   FirstHit first;
   float alpha = 1.0f;
   vec3 direct{0.0f}, directExact{0.0f};  ///< the direct parts of G and X
+  vec3 photonNoise{0.0f};                ///< of G
   std::uint32_t rays = 0;                ///< C-rays, shadow rays and cones: what it cost
   std::uint32_t cRays = 0, gRays = 0;    ///< C-rays with shadow rays; cones with reads of light
   bool paired = false;

@@ -10,7 +10,8 @@
 namespace trex {
 namespace {
 
-constexpr double kDark = 0.01;  // of squares in relMSE
+constexpr double kDark = 0.01;                // of squares in relMSE
+constexpr std::uint32_t kEvenUnfiltered = 2;  // pixels each way, in which photons' noise is alike
 
 double overChannels(const dvec3& v) { return v.x + v.y + v.z; }
 
@@ -110,17 +111,22 @@ double UnfilteredPixels::estimatedError() const {
     picture[i] = vec3(mean(x, y));
   }
   const std::vector<vec3> weigh = relativeWeights(picture);
+  std::vector<vec3> unknown = weigh;  // of pixels whose pairs do not tell yet
   double noise = 0.0, bias = 0.0;
   for (std::size_t i = 0; i < picture.size(); ++i) {
     const auto x = static_cast<std::uint32_t>(i % width), y = static_cast<std::uint32_t>(i / width);
     const dvec3 w(weigh[i]);
     noise += overChannels(w * variance(x, y));
     if (!known_[frame_.tiles.tileAt(x, y)].enough) continue;
+    unknown[i] = vec3(0.0f);
     const double left = 1.0 - part(x, y);
     const dvec3 d = sums.difference(x, y).mean();
     bias += left * left * overChannels(w * (d * d - sums.difference(x, y).varianceOfMean()));
   }
-  return (noise + std::max(bias, 0.0)) / (3.0 * static_cast<double>(picture.size()));
+  const double photons = frame_.photonNoise ? frame_.photonNoise->square(frame_.tiles.samplesDone(),
+                                                                         unknown, kEvenUnfiltered)
+                                            : 0.0;
+  return (noise + std::max(bias, 0.0)) / (3.0 * static_cast<double>(picture.size())) + photons;
 }
 
 }  // namespace trex

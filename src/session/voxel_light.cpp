@@ -77,7 +77,9 @@ void VoxelLight::start(const Model& model, const WalkTracer& walks, const LightS
   side.pass->aim(aim, width, height);
 }
 
-bool VoxelLight::shoot(std::uint64_t photons, const std::function<bool()>& keepGoing) {
+bool VoxelLight::shoot(std::uint64_t photons, const std::function<bool()>& keepGoing,
+                       std::uint64_t before) {
+  if (!present_.pass->run(before, keepGoing, giveUp_)) return false;
   if (!present_.pass->run(photons, keepGoing, giveUp_)) return false;
   before_ = {};
   state_ = State::kReady;

@@ -63,8 +63,10 @@ class VoxelLight {
   void renew(const Model& model, const WalkTracer& walks, const LightSet& lights,
              const Camera& view, std::uint32_t width, std::uint32_t height);
   /// Shoots what is missing up to `photons` in all: see LightPass::run(). True, and kReady, if
-  /// keepGoing let it. In kShooting and kReady.
-  bool shoot(std::uint64_t photons, const std::function<bool()>& keepGoing);
+  /// keepGoing let it. In kShooting and kReady. `before`, fewer: how many of them tell the noise of
+  /// all (LightCache::setLight()); 0: those of now.
+  bool shoot(std::uint64_t photons, const std::function<bool()>& keepGoing,
+             std::uint64_t before = 0);
   /// Photons that start from now on are shot together with other machines; it outlives this.
   void share(PhotonSharer* sharer) { sharer_ = sharer; }
   /// Asked by any thread while photons wait for pages: LightPass::run().

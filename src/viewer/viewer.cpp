@@ -97,6 +97,7 @@ void Viewer::Impl::open(const std::filesystem::path& path) {
   ModelOpening o;
   o.input = path;
   o.settings = options.settings;
+  o.settings.interactive = true;
   o.options.useStale = options.useStale;
   o.options.model.voxels = options.settings.exact < 1.0;
   o.options.model.voxelsInTheDark = true;

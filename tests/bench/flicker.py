@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Flicker: FLIP between neighbouring frames of a slow camera path, of guesses against exact pictures.
 
-    tests/bench/flicker.py [MODEL.glb ...] [--trex build/trex] [--frames 20] [--seconds 1] [--exact 0,auto] [--truth 512]
+    tests/bench/flicker.py [MODEL.glb ...] [--trex build/trex] [--frames 20] [--seconds 1] [--spp N] [--exact 0,auto] [--truth 512]
                            [--size 128x128] [--step 0.002] [--out build/flicker] [--rest OPTION OF TREX RENDER ...]
 
 The camera of the file moves sideways, looking on, a frame by --step of the median distance of what it sees. Each frame is a
-render of --seconds with the same seed, as those of `trex render --path`. "Truth" is --truth exact samples, denoised by
+render of --seconds, or of --spp samples, with the same seed, as those of `trex render --path`. "Truth" is --truth exact samples, denoised by
 Open Image Denoise: noise of its own would hide flicker. Without MODEL: cornell, staircase2, living-room of TREX_SHARED. Bar: 1.2 of the truth's.
 """
 import argparse, json, math, os, statistics, struct, subprocess
@@ -82,6 +82,7 @@ def main():
     parser.add_argument("--trex", default=os.path.join(ROOT, "build/trex"))
     parser.add_argument("--frames", type=int, default=20)
     parser.add_argument("--seconds", default="1")
+    parser.add_argument("--spp", help="samples a pixel instead of seconds: the same pictures on a busy machine")
     parser.add_argument("--exact", default="0,auto")
     parser.add_argument("--truth", type=int, default=512)
     parser.add_argument("--size", default="128x128")
@@ -92,12 +93,13 @@ def main():
     models = options.models or [os.path.join(SHARED, "scenes/interiors", s + ".glb") for s in ("cornell", "staircase2", "living-room")]
     os.makedirs(options.out, exist_ok=True)
     shares = options.exact.split(",")
+    length = ["--spp", options.spp] if options.spp else ["--time", options.seconds]
     print(f"| scene | truth | {' | '.join('exact ' + s for s in shares)} | over the truth |\n|{'---|' * (3 + len(shares))}")
     for model in models:
         options.cameras = path_of(options, model)
         truth = between(options, frames(options, model, "truth", ["--exact", "1", "--spp", str(options.truth), "--device", "none",
                                                                   "--denoise", "oidn"]))
-        found = [between(options, frames(options, model, "exact" + s, ["--exact", s, "--time", options.seconds])) for s in shares]
+        found = [between(options, frames(options, model, "exact" + s, ["--exact", s, *length])) for s in shares]
         print(f"| {os.path.splitext(os.path.basename(model))[0]} | {truth:.4f} | " + " | ".join(f"{f:.4f}" for f in found) + " | " +
               " ".join(f"{f / truth:.2f}" for f in found) + " |", flush=True)
 

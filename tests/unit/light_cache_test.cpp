@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <random>
+
 #include "src/session/model.h"
 #include "tests/unit/glass_scenes.h"
 
@@ -81,6 +83,56 @@ TEST(LightCache, FootprintsReadFinerVoxelsOfMorePhotons) {
   reads(0.2, leaves - 2);
   reads(0.001, leaves - 2);
   reads(1.0, leaves);  // more of them bring the detail back
+}
+
+/// What is told of the noise has the variance of the light, over many lots of photons, and no mean.
+TEST(LightCache, TellsAPictureOfItsNoise) {
+  Scene scene;
+  scene.materials = {test::lambert(0.5f)};
+  test::place(scene, test::sheet(2.0f, 0.0f, 0));
+  ModelOptions options;
+  options.voxelDepth = 4;
+  options.voxelsInTheDark = true;
+  const Model model = makeModel(scene, options);
+  LightCache cache(*model.voxels);
+  const vec3 at(dvec3(0.3, 0.0, 0.2) - model.rays->renderOrigin());
+  std::mt19937 random(1);
+  constexpr int kLots = 4000;
+  const double scale = 3.0;
+  for (const double before : {30.0, 100.0, 170.0}) {
+    const double all = 200.0;
+    double mean = 0.0, variance = 0.0, noiseMean = 0.0, noiseSquare = 0.0;
+    for (int i = 0; i < kLots; ++i) {
+      // As many watts as photons come, each of which may as well not.
+      std::poisson_distribution<int> first(before), later(all - before);
+      const double early = first(random), whole = early + later(random);
+      const auto lightOf = [&](double value) {
+        const auto packed = cache.tracer().asvoPackRgb9e5(vec3(static_cast<float>(value)));
+        return std::vector<asvo::uvec4>(model.voxels->nodes.size(), asvo::uvec4(packed));
+      };
+      const auto light = lightOf(whole / all), lightBefore = lightOf(early / before);
+      cache.setLight(light, scale, all, lightBefore, before);
+      vec3 value(0.0f), noise(0.0f), same(0.0f);
+      const vec3 up(0.0f, 1.0f, 0.0f);
+      ASSERT_TRUE(cache.noisyIrradiance(at, up, 0.1f, vec2(0.5f), value, noise));
+      ASSERT_TRUE(cache.irradiance(at, up, 0.1f, vec2(0.5f), same));
+      ASSERT_EQ(value, same);
+      const double off = static_cast<double>(value.x) - scale, own = static_cast<double>(noise.x);
+      mean += off / kLots;
+      variance += off * off / kLots;
+      noiseMean += own / kLots;
+      noiseSquare += own * own / kLots;
+    }
+    EXPECT_NEAR(mean, 0.0, 0.02);
+    EXPECT_NEAR(variance, scale * scale / all, 0.1 * scale * scale / all);
+    EXPECT_NEAR(noiseMean, 0.0, 0.02) << before;
+    EXPECT_NEAR(noiseSquare / variance, 1.0, 0.1) << before;
+  }
+  const std::vector<asvo::uvec4> light(model.voxels->nodes.size(), asvo::uvec4(0u));
+  cache.setLight(light, scale, 100.0);
+  vec3 value(1.0f), noise(1.0f);
+  EXPECT_TRUE(cache.noisyIrradiance(at, vec3(0.0f, 1.0f, 0.0f), 0.1f, vec2(0.5f), value, noise));
+  EXPECT_EQ(noise, vec3(0.0f));
 }
 
 /// A thin plate has two sides, a corner two walls: all of it can be seen.

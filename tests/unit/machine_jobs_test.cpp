@@ -274,6 +274,7 @@ std::vector<TakenSample> someSamples(std::size_t count) {
          .alpha = unit(random),
          .direct = next(),
          .directExact = next(),
+         .photonNoise = next(),
          .rays = static_cast<std::uint32_t>(random()),
          .cRays = static_cast<std::uint32_t>(random()),
          .gRays = static_cast<std::uint32_t>(random()),
@@ -304,6 +305,7 @@ TEST(SampleBytes, KeepWhatTheFrameKeeps) {
       EXPECT_TRUE(!(contents & kDirect) || !b.paired || a.directExact == b.directExact);
       EXPECT_TRUE(!(contents & kRays) || a.rays == b.rays);
       EXPECT_TRUE(!(contents & kRayClasses) || (a.cRays == b.cRays && a.gRays == b.gRays));
+      EXPECT_TRUE(!(contents & kPhotonNoise) || a.photonNoise == b.photonNoise);
     }
     for (std::size_t length = 0; length < bytes.size(); ++length) {
       EXPECT_THROW(unpackSamples(ByteView(bytes).first(length), contents, samples.size()),

@@ -7,6 +7,6 @@ target_link_libraries(session_test PRIVATE trex_session GTest::gtest_main)
 trex_gtest(session_test NOT_SANITIZED Session.StopsAtTheErrorAskedFor Session.EstimatedErrorIsTheError)
 trex_program_test(capture_test capture_test.py --assets ${CMAKE_SOURCE_DIR}/assets)
 add_executable(dial_test ${CMAKE_CURRENT_LIST_DIR}/dial_test.cpp
-  ${CMAKE_CURRENT_LIST_DIR}/share_rule_test.cpp)
+  ${CMAKE_CURRENT_LIST_DIR}/share_rule_test.cpp ${CMAKE_CURRENT_LIST_DIR}/photon_noise_test.cpp)
 target_link_libraries(dial_test PRIVATE trex_session GTest::gtest_main)
-trex_gtest(dial_test NOT_SANITIZED Dial.LeavesTheMeanAlone DialSession.TheErrorItTellsIsTheError DialSession.StopsAtTheErrorAskedFor)
+trex_gtest(dial_test NOT_SANITIZED Dial.LeavesTheMeanAlone DialSession.TheErrorItTellsIsTheError DialSession.StopsAtTheErrorAskedFor PhotonNoiseSession.WhatIsToldIsHowFarSeedsDiffer)

@@ -1,0 +1,107 @@
+#!/usr/bin/env python3
+"""What `--error E` says of a picture against what it is, on scenes of all kinds: some of them are lit by few photons.
+
+    tests/bench/told_error.py [MODEL or synth:... or name ...] [--trex build/trex] [--error 0.01] [--seeds 3] [--truth 1024]
+                              [--size 128x128] [--most 256] [--out build/told] [-- options of trex render]
+
+Names are those of hard_scenes.py, and: small-lamp, a room under a lamp of 2 cm; back-room, one that is lit through a gap; shiny,
+a room of glossy walls. Without any: these three, glossy, lamps and foliage. The truth is the exact mode's, as in hard_scenes.py; its own
+noise is taken from the true error. Each seed renders until the estimate is --error, or --most samples. Prints a table; the
+last column is the largest and the least ratio of true over estimate.
+"""
+import argparse, contextlib, json, math, os, statistics, sys
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+ROOT = os.path.dirname(os.path.dirname(HERE))
+sys.dont_write_bytecode = True
+sys.path[:0] = [HERE, os.path.join(ROOT, "assets"), os.path.join(ROOT, "tests/image")]
+import hard_scenes  # noqa: E402
+from make_assets import Glb, Shape, sphere  # noqa: E402
+from scenes import colored_walls, lamp, room  # noqa: E402
+
+
+def small_lamp(glb):
+    """Nearly all light is that of a point, and what it does to the walls is known by photons."""
+    room(glb, (3, 2.4, 3), colored_walls(glb))
+    lamp(glb, 2.2, 0.01, (9000.0, 8600.0, 8000.0))
+    glb.object("block", Shape().box((-0.9, 0.01, -0.9), (-0.3, 1.1, -0.4)), glb.material("block", (0.7, 0.7, 0.7)))
+    glb.object("ball", sphere(0.35, 24, 48), glb.material("ball", (0.6, 0.65, 0.7)), translation=[0.5, 0.36, -0.2])
+    glb.camera("camera", (0.2, 1.3, 1.45), (-0.1, 0.7, -0.3), math.radians(65), 1.0)
+
+
+def back_room(glb):
+    """A lamp behind a wall that leaves a gap of 30 cm."""
+    walls = colored_walls(glb)
+    room(glb, (4, 2.6, 4), walls)
+    lamp_of = glb.material("lamp", (0.0, 0.0, 0.0), emission=(90.0, 86.0, 80.0), double_sided=False)
+    glb.object("lamp", Shape().quad((-1.8, 2.4, -1.0), (-1.8, 2.4, -1.4), (-1.4, 2.4, -1.4), (-1.4, 2.4, -1.0)), lamp_of)
+    glb.object("wall", Shape().box((-0.9, 0.0, -2.0), (-0.8, 2.6, 1.7)), walls[3])
+    glb.object("ball", sphere(0.45, 24, 48), glb.material("ball", (0.8, 0.8, 0.8)), translation=[0.7, 0.46, -0.6])
+    glb.camera("camera", (1.2, 1.4, 1.9), (0.3, 0.9, -0.8), math.radians(65), 1.0)
+
+
+def shiny(glb):
+    """Walls that send most of their light on in broad lobes."""
+    colors = ((0.8, 0.3, 0.3), (0.3, 0.7, 0.3), (0.7, 0.7, 0.8), (0.75, 0.75, 0.75))
+    room(glb, (3, 2.4, 3), tuple(glb.material(f"gloss {i}", c, metallic=0.3, roughness=0.35) for i, c in enumerate(colors)))
+    lamp(glb, 2.39, 0.2, (24.0, 23.0, 21.0))
+    glb.object("ball", sphere(0.4, 24, 48), glb.material("metal", (0.9, 0.8, 0.6), metallic=1.0, roughness=0.25),
+               translation=[0.3, 0.41, -0.3])
+    glb.camera("camera", (0.2, 1.3, 1.45), (-0.1, 0.7, -0.3), math.radians(65), 1.0)
+
+
+OWN = {"small-lamp": small_lamp, "back-room": back_room, "shiny": shiny}
+SCENES = (*OWN, "glossy", "lamps", "foliage")
+
+
+def file_of(model, options):
+    """Name, file and further options of a scene."""
+    if model in OWN:
+        glb = Glb()
+        OWN[model](glb)
+        path = os.path.join(options.out, model + ".glb")
+        glb.write(path)
+        return model, path, []
+    if model in hard_scenes.SCENES:
+        with contextlib.redirect_stdout(sys.stderr):
+            return (model, *hard_scenes.scene(model, options))
+    name = "".join(c if c.isalnum() else "-" for c in os.path.splitext(os.path.basename(model))[0])
+    return name, model, []
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("models", nargs="*")
+    parser.add_argument("--trex", default=os.path.join(ROOT, "build/trex"))
+    parser.add_argument("--error", default="0.01")
+    parser.add_argument("--seeds", type=int, default=3)
+    parser.add_argument("--truth", type=int, default=1024)
+    parser.add_argument("--size", default="128x128")
+    parser.add_argument("--most", default="256")
+    parser.add_argument("--out", default=os.path.join(ROOT, "build/told"))
+    arguments = sys.argv[1:]
+    cut = arguments.index("--") if "--" in arguments else len(arguments)
+    options = parser.parse_args(arguments[:cut])
+    options.rest = arguments[cut + 1:]
+    os.makedirs(options.out, exist_ok=True)
+    print("| scene | samples | exact | estimated relMSE | true | true over estimate: median, least, most |\n" + "|---" * 6 + "|")
+    for model in options.models or SCENES:
+        name, path, more = file_of(model, options)
+        true, _, noise = hard_scenes.truth(options, name, path, more)
+        rows = []
+        for seed in range(options.seeds):
+            out = os.path.join(options.out, f"{name}-error.exr")
+            report = hard_scenes.render(options, path, more, out, ["--exact", "auto", "--error", options.error, "--spp", options.most,
+                                                                   "--seed", str(seed)])
+            error = hard_scenes.difference(options, out, true)["relmse_trimmed"] - noise
+            told = report["estimated_relmse"] or float("nan")
+            rows.append((report["samples"], report["exact_share"], told, error, error / told))
+            print(json.dumps({"scene": name, "seed": seed, "samples": report["samples"], "exact_share": report["exact_share"],
+                              "estimate": told, "true": error}), file=sys.stderr, flush=True)
+        samples, share, told, error, ratio = (statistics.median(column) for column in zip(*rows))
+        ratios = [r[-1] for r in rows]
+        print(f"| {name} | {samples:.0f} | {share:.3f} | {told:.4f} | {error:.4f} | {ratio:.2f} {min(ratios):.2f} {max(ratios):.2f} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
