@@ -20,9 +20,9 @@ PathTracer::PathTracer(const Scene& scene, const RayScene& rays, const LightSet&
       layers_(scene, rays),
       caustics_(caustics),
       // Media add light on the way, cones ask for more of a surface, and paths that wait for pages
-      // go on by themselves.
+      // go on by themselves. Of sharp lobes caustics take their part.
       plain_(media_ == nullptr && !guess_.cones && rays.parts().paged == nullptr
-                 ? PlainSurfaces(scene, rays)
+                 ? PlainSurfaces(scene, rays, caustics != nullptr ? kSharpAlpha : kClearAlpha)
                  : PlainSurfaces::none(scene, rays)) {}
 
 void PathTracer::trace(std::span<const PathJob> jobs, std::uint32_t width, std::uint32_t first,
@@ -102,7 +102,7 @@ void PathTracer::run(Wave& wave) const {
     });
     ask(wave);
     for (WavePath* path : wave.underWay) {
-      if (path->fate == Fate::kLit) answer(*path);
+      if (path->fate == Fate::kLit) answer(*path, wave);
     }
     scatter(wave);
     std::erase_if(wave.underWay, [&](WavePath* path) { return !extend(*path, wave); });

@@ -107,9 +107,9 @@ class PathTracer {
   bool askLight(WavePath& path, Wave& wave) const;
   bool askPlain(WavePath& path, const Wave& wave, const PlainValues& values) const;
   void shadowCone(WavePath& path, const vec3& radiance, Wave& wave) const;
-  void answer(WavePath& path) const;
+  void answer(WavePath& path, const PlainWave& wave) const;
   void takeAnswer(WavePath& path) const;
-  vec3 causticLight(const WavePath& path) const;
+  vec3 causticLight(WavePath& path, const PlainWave& wave) const;
   vec3 absorptionOf(const WavePath& path) const;
   AskedLight asked(const WavePath& path) const;
   bool answerHere(WaitingLight& light, WaitingRay& ray, LightAnswer& answer) const;

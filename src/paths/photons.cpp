@@ -182,7 +182,7 @@ std::optional<std::vector<LandedPhoton>> landPhotons(const Scene& scene, const W
   const RayScene& rays = walks.rays();
   // Media scatter photons on their way.
   const PlainSurfaces plain = rays.media() == nullptr && rays.parts().paged == nullptr
-                                  ? PlainSurfaces(scene, rays)
+                                  ? PlainSurfaces(scene, rays, kClearAlpha)
                                   : PlainSurfaces::none(scene, rays);
   const Photons photons{scene,      rays.media(), lights,
                         guides,     seed,         static_cast<std::uint32_t>(first),
