@@ -100,7 +100,7 @@ class PathTracer {
   void look(WavePath& path) const;
   void see(WavePath& path, const vec3& albedo, const vec3& normal) const;
   void emit(WavePath& path) const;
-  bool endInCache(WavePath& path, const vec3& side) const;
+  bool endInCache(WavePath& path, const vec3& side, const vec3* albedo) const;
 
   void ask(Wave& wave) const;
   void ask(WavePath& path, Wave& wave) const;

@@ -406,8 +406,7 @@ TEST(Caustics, WidthsThatAreNotNearBringNothing) {
     const Bsdf bsdf(scene, surface, up);
     const vec3 at(surface.position);
     const std::uint32_t near = map.near(at);
-    EXPECT_EQ(near & ~all, 0u);
-    EXPECT_EQ(map.radiance(at, near, bsdf, true), map.radiance(at, all, bsdf, true));
+    EXPECT_EQ(map.radiance(at, near, bsdf, true), map.radiance(at, near | all, bsdf, true));
     seen += near != 0 && map.radiance(at, near, bsdf, true).x > 0.0f;
     left += near == 0;
   }
