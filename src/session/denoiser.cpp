@@ -75,17 +75,14 @@ void warnOfBroken(const std::string& problem) {
   std::call_once(said, [&] { logWarning("{}", problem); });
 }
 
-/// The best way that the time allows.
-DenoiseMethod oidnMethod(const RenderSettings& s) {
-  for (const Way& way : kWays) {
-    const bool fits =
-        !(s.seconds > 0.0) || denoiseSeconds(way.method, s, false) <= way.share * s.seconds;
-    if (fits) return way.method;
-  }
-  return s.denoise == Denoise::kOidn ? DenoiseMethod::kOidnQuick : DenoiseMethod::kFilter;
-}
-
 }  // namespace
+
+DenoiseMethod wayWithin(double seconds, double quick) {
+  for (const Way& way : kWays) {
+    if (way.work * quick <= way.share * seconds) return way.method;
+  }
+  return DenoiseMethod::kFilter;
+}
 
 bool mayUseOidn(const RenderSettings& s) {
   if (s.denoise == Denoise::kOidn) {
@@ -105,7 +102,13 @@ bool mayUseOidn(const RenderSettings& s) {
 DenoiseMethod denoiseMethod(const RenderSettings& s) {
   if (s.denoise == Denoise::kOff) return DenoiseMethod::kOff;
   try {
-    if (mayUseOidn(s)) return oidnMethod(s);
+    if (mayUseOidn(s)) {
+      if (!(s.seconds > 0.0)) return DenoiseMethod::kOidnThorough;
+      const double quick = denoiseSeconds(DenoiseMethod::kOidnQuick, s, false);
+      const DenoiseMethod method = wayWithin(s.seconds, quick);
+      const bool asked = s.denoise == Denoise::kOidn;
+      return asked && !isOidn(method) ? DenoiseMethod::kOidnQuick : method;
+    }
   } catch (const Error& e) {
     if (s.denoise == Denoise::kOidn) throw;
     warnOfBroken(e.what());

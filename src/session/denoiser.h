@@ -24,6 +24,10 @@ bool mayUseOidn(const RenderSettings& settings);
 /// no more than its share of the time. Throws as mayUseOidn().
 DenoiseMethod denoiseMethod(const RenderSettings& settings);
 
+/// Of the ways of Open Image Denoise the best one that takes no more than its share of so many
+/// seconds of rendering, where the quick one takes `quick`; kFilter if none does.
+DenoiseMethod wayWithin(double seconds, double quick);
+
 /// Seconds that denoising a whole picture takes here, about: the guess alone, and with a
 /// correction by pairs.
 double denoiseSeconds(DenoiseMethod method, const RenderSettings& settings, bool corrected);

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "src/crays/lights_detail.h"
 #include "src/session/model.h"
 #include "tests/unit/glass_scenes.h"
 
