@@ -1,6 +1,7 @@
 #include "src/crays/light_cache.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 namespace trex {
@@ -25,8 +26,36 @@ constexpr float kMostLayers = 1.1f;
 
 LightCache::LightCache(const asvo::Tree& tree)
     : tracer_(tree),
+      nodes_(tree.nodes),
       info_(tree.info),
-      leafSize_(tree.info.size / static_cast<float>(1u << tree.info.depth)) {}
+      leafSize_(tree.info.size / static_cast<float>(1u << tree.info.depth)) {
+  if (info_.depth < kTable) return;
+  constexpr std::uint32_t kMask = (1u << kTable) - 1;
+  table_.resize(std::size_t{1} << 3 * kTable);
+  for (std::uint32_t i = 0; i < table_.size(); ++i) {
+    const glm::uvec3 cell(i & kMask, i >> kTable & kMask, i >> 2 * kTable);
+    table_[i] = tracer_.asvoFindCell(cell, kTable);
+  }
+}
+
+/// As Tracer::asvoFind().
+std::uint32_t LightCache::voxelAt(const vec3& position, std::uint32_t level) const {
+  if (table_.empty() || level < kTable) return tracer_.asvoFind(position, level);
+  const vec3 g = tracer_.asvoGridPosition(position, level);
+  if (!tracer_.asvoInside(g, static_cast<float>(1u << level))) return asvo::ASVO_NONE;
+  const glm::uvec3 cell(g);
+  std::uint32_t shift = level - kTable;
+  const glm::uvec3 top = cell >> shift;
+  std::uint32_t voxel = table_[top.x | top.y << kTable | top.z << 2 * kTable];
+  while (shift > 0 && voxel != asvo::ASVO_NONE) {
+    const std::uint32_t octant = tracer_.asvoOctant(glm::ivec3(cell), --shift);
+    const asvo::uvec2& node = nodes_[voxel];
+    const bool there = (node.y >> octant & 1u) != 0;
+    const auto before = static_cast<std::uint32_t>(std::popcount(node.y & ((1u << octant) - 1u)));
+    voxel = there ? node.x + before : asvo::ASVO_NONE;
+  }
+  return voxel;
+}
 
 void LightCache::setLight(std::span<const asvo::uvec4> light, double scale, double photons,
                           std::span<const asvo::uvec4> before, double photonsBefore) {
@@ -62,7 +91,7 @@ LightCache::Place LightCache::find(const vec3& position, const vec3& normal, flo
   const Basis basis(normal);
   const vec3 moved = position + basis.tangent * ((jitter.x - 0.5f) * edge) +
                      basis.bitangent * ((jitter.y - 0.5f) * edge);
-  std::uint32_t voxel = tracer_.asvoFind(moved, level);
+  std::uint32_t voxel = voxelAt(moved, level);
   if (voxel == asvo::ASVO_NONE) voxel = tracer_.asvoFindNear(position, normal, level);
   if (voxel == asvo::ASVO_NONE) return {};
   const float cosine = glm::dot(tracer_.asvoNormal(voxel), normal);

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "asvo/tracer.h"
 #include "src/core/maths.h"
@@ -86,10 +87,15 @@ class LightCache final : public CachedLight {
     std::uint32_t voxel = asvo::ASVO_NONE;
     bool front = true;
   };
+  /// Of the levels of a tree this one is a table, from where places are looked for.
+  static constexpr std::uint32_t kTable = 5;
+  std::uint32_t voxelAt(const vec3& position, std::uint32_t level) const;
   Place find(const vec3& position, const vec3& normal, float radius, vec2 jitter) const;
   vec3 read(std::span<const asvo::uvec4> light, const Place& place) const;
 
   asvo::Tracer tracer_;
+  std::span<const asvo::uvec2> nodes_;
+  std::vector<std::uint32_t> table_;  ///< by cell, x first; empty where the tree has fewer levels
   std::span<const asvo::uvec4> light_, before_;
   asvo::AsvoInfo info_{};
   float leafSize_ = 0.0f;

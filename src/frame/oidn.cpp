@@ -327,7 +327,8 @@ std::uint64_t Oidn::bytesNeeded(std::uint32_t width, std::uint32_t height) {
 
 std::vector<vec3> denoiseLight(const Oidn& library, OidnGuides guides,
                                const std::vector<std::vector<vec3>>& parts, bool thorough) {
-  if (thorough) library.smooth(guides, OidnQuality::kFast);
+  if (thorough && !guides.smooth) library.smooth(guides, OidnQuality::kFast);
+  guides.smooth = thorough;  // the other network copes with what noise there is left
   std::vector<vec3> sum;
   for (const std::vector<vec3>& part : parts) {
     std::vector<vec3> light =

@@ -57,9 +57,9 @@ class Oidn {
 };
 
 /// The parts of a picture's light denoised, and their sum. Each keeps its mean, unless the library
-/// took or added more than a tenth, which a few outshining pixels do. `thorough`: smooths the
-/// guides first and takes the best network, which takes some three times as long a part (and as
-/// long again for the guides).
+/// took or added more than a tenth, which a few outshining pixels do. `thorough`: takes the best
+/// network, for twice the work a part, and smooths the guides first unless they are smooth, for as
+/// much again as one part takes.
 std::vector<vec3> denoiseLight(const Oidn& library, OidnGuides guides,
                                const std::vector<std::vector<vec3>>& parts, bool thorough);
 

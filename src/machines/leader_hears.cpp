@@ -55,6 +55,7 @@ void Leader::hear(std::uint32_t from, Kind kind, ByteView body) {
       break;
     case Kind::kLit:
       if (listener_ != nullptr) listener_->lit(from, decode<Lit>(body));
+      break;
     case Kind::kProbed:
       hearProbed(from, decode<Probed>(body));
       break;

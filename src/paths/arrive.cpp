@@ -20,7 +20,7 @@ Fate PathTracer::arrive(WavePath& path) const {
   if (bsdf.unlit() || (path.look && path.seen)) return Fate::kEnds;
   if (path.look || path.turns >= scene_.maxBounces) return Fate::kScatters;
   if (path.coupled && guess_.cache && bsdf.cacheable() &&
-      endInCache(path, bsdf.geometricNormal()) && !path.part()) {
+      endInCache(path, bsdf.geometricNormal(), nullptr) && !path.part()) {
     return Fate::kEnds;
   }
 
@@ -37,17 +37,15 @@ Fate PathTracer::arrivePlain(WavePath& path, const Wave& wave) const {
   path.length += path.hit.t;
   const vec3 normal = PlainLanes::vector(lanes.normal, lane);
   meet(path);
-  if (!path.seen) {
-    const vec3 albedo = PlainLanes::is(lanes.lambertian, lane)
-                            ? glm::min(PlainLanes::vector(lanes.diffuse, lane), vec3(1.0f))
-                            : bsdfOf(path).albedo();
-    see(path, albedo, normal);
-  }
+  const bool matte = PlainLanes::is(lanes.lambertian, lane);
+  const vec3 own = glm::min(PlainLanes::vector(lanes.diffuse, lane), vec3(1.0f));
+  if (!path.seen) see(path, matte ? own : bsdfOf(path).albedo(), normal);
   if (path.look) return Fate::kEnds;
   if (path.turns >= scene_.maxBounces) return Fate::kScatters;
   const bool cacheable = lanes.specularLobe[lane] * lanes.metallic[lane] <= Bsdf::kMostSharp;
   if (path.coupled && guess_.cache && cacheable &&
-      endInCache(path, PlainLanes::vector(lanes.facing, lane)) && !path.part()) {
+      endInCache(path, PlainLanes::vector(lanes.facing, lane), matte ? &own : nullptr) &&
+      !path.part()) {
     return Fate::kEnds;
   }
   path.coneVertex = handsToCones(path, cacheable);
@@ -113,8 +111,9 @@ void PathTracer::emit(WavePath& path) const {
 }
 
 /// G1: reads the cache if the ray's footprint is wide enough here, on the side of a surface that
-/// cached light serves. True if it did.
-bool PathTracer::endInCache(WavePath& path, const vec3& side) const {
+/// cached light serves. `albedo`: Bsdf::cachedAlbedo(), or null if the Bsdf is to tell. True if it
+/// did.
+bool PathTracer::endInCache(WavePath& path, const vec3& side, const vec3* albedo) const {
   if (!(path.density() < kInfinity)) return false;
   const float radius = (path.travelled + path.hit.t) * guess_.footprint.spread(path.roughness);
   if (radius < guess_.footprint.cacheVoxels * guess_.cache->detail()) return false;
@@ -126,7 +125,7 @@ bool PathTracer::endInCache(WavePath& path, const vec3& side) const {
           ? guess_.cache->noisyIrradiance(position, side, radius, jitter, irradiance, noise)
           : guess_.cache->irradiance(position, side, radius, jitter, irradiance);
   if (!known) return false;
-  const vec3 sent = path.throughput * bsdfOf(path).cachedAlbedo();
+  const vec3 sent = path.throughput * (albedo != nullptr ? *albedo : bsdfOf(path).cachedAlbedo());
   path.sample->guess += sent * irradiance * kInvPi;
   path.sample->photonNoise += sent * noise * kInvPi;
   ++path.counts->cacheReads;

@@ -147,7 +147,7 @@ void BatchedTracer::Worker::goOn() {
 /// The light of a vertex becomes a question of its own.
 void BatchedTracer::Worker::detach(WavePath& path) {
   WaitingPath& w = batch.paths[path.job];
-  if (!path.asks) return tracer.answer(path);
+  if (!path.asks) return tracer.answer(path, wave);
   ++path.counts->shadowRays;
   const LightQuestion& q = path.question;
   const RayEnd end = q.light.end();
@@ -167,7 +167,7 @@ void BatchedTracer::Worker::detach(WavePath& path) {
     w.towards = {q.start, towards, 0.0f, end};
   }
   if (path.caustics == nullptr) return;
-  w.caustics = tracer.causticLight(path);
+  w.caustics = tracer.causticLight(path, wave);
   w.collects = w.asks;
   if (!w.asks) path.add(w.caustics, path.scattered == 0);
 }

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <numbers>
 #include <utility>
@@ -227,9 +228,14 @@ CausticMap::CausticMap(const Scene& scene, std::span<const CausticPhoton> photon
     byLevel[spots[i].level].push_back(photons[i]);
     byLevel[spots[i].level].back().power *= spots[i].gain;
   }
+  std::size_t finer = 0;
   for (std::uint32_t level = 0; level < CausticWidths::kLevels; ++level) {
     if (byLevel[level].empty()) continue;
-    grids_.emplace_back(std::move(byLevel[level]), widths.radius(level) * shrink);
+    grids_.emplace_back(level, std::move(byLevel[level]), widths.radius(level) * shrink, finer);
+    finer += grids_.back().photons.size();
+  }
+  for (std::size_t i = 1; i < grids_.size(); ++i) {
+    for (std::size_t fine = 0; fine < i; ++fine) grids_[i].markFiner(grids_[fine]);
   }
 }
 
@@ -239,31 +245,57 @@ std::size_t CausticMap::size() const {
   return sum;
 }
 
-CausticMap::Grid::Grid(std::vector<CausticPhoton> all, float width)
-    : radius(width), photons(std::move(all)) {
+CausticMap::Grid::Grid(std::uint32_t number, std::vector<CausticPhoton> all, float width,
+                       std::size_t finer)
+    : level(number), radius(width), photons(std::move(all)) {
   std::vector<std::pair<std::size_t, Entry>> placed;
-  std::size_t buckets = 1;
+  std::size_t buckets = 1, most = 1;
   while (buckets < 2 * photons.size()) buckets *= 2;
+  while (most < 2 * photons.size() + finer) most *= 2;
   firsts.assign(buckets + 1, 0);
-  occupied.assign((buckets * kBitsOfBucket + 63) / 64, 0);
+  marks.assign((most * kMarksOfBucket + 31) / 32, 0);
   for (std::uint32_t i = 0; i < photons.size(); ++i) {
     const vec3& p = photons[i].position;
-    const glm::ivec3 lower = cell(p - radius), upper = glm::min(cell(p + radius), lower + 1);
-    for (glm::ivec3 c = lower; c.z <= upper.z; ++c.z) {
-      for (c.y = lower.y; c.y <= upper.y; ++c.y) {
-        for (c.x = lower.x; c.x <= upper.x; ++c.x) {
-          const std::uint32_t h = hash(c);
-          placed.emplace_back(h & (buckets - 1), Entry{p, i << 3 | parity(c)});
-          ++firsts[placed.back().first + 1];
-          occupied[bit(h) / 64] |= std::uint64_t{1} << bit(h) % 64;
-        }
-      }
-    }
+    forReached(p, *this, [&](const glm::ivec3& c) {
+      placed.emplace_back(hash(c) & (buckets - 1), Entry{p, i << 3 | parity(c)});
+      ++firsts[placed.back().first + 1];
+      mark(c, kHere);
+    });
   }
   for (std::size_t i = 1; i <= buckets; ++i) firsts[i] += firsts[i - 1];
   std::vector<std::uint32_t> next(firsts.begin(), firsts.end() - 1);
   entries.resize(placed.size());
   for (const auto& [at, entry] : placed) entries[next[at]++] = entry;
+}
+
+/// Cells of this grid that hold what disks of a finer one, or of its own, may reach.
+template <typename Use>
+void CausticMap::Grid::forReached(const vec3& position, const Grid& finer, const Use& use) const {
+  const auto up = static_cast<int>(level - finer.level);
+  glm::ivec3 lower = finer.cell(position - finer.radius),
+             upper = glm::min(finer.cell(position + finer.radius), lower + 1);
+  lower >>= up, upper >>= up;
+  for (glm::ivec3 c = lower; c.z <= upper.z; ++c.z) {
+    for (c.y = lower.y; c.y <= upper.y; ++c.y) {
+      for (c.x = lower.x; c.x <= upper.x; ++c.x) use(c);
+    }
+  }
+}
+
+void CausticMap::Grid::markFiner(const Grid& finer) {
+  for (const CausticPhoton& p : finer.photons) {
+    forReached(p.position, finer, [&](const glm::ivec3& c) { mark(c, kFiner); });
+  }
+}
+
+void CausticMap::Grid::mark(const glm::ivec3& c, std::uint32_t what) {
+  const std::size_t at = place(c);
+  marks[at / 32] |= std::uint64_t{what} << 2 * (at % 32);
+}
+
+std::uint32_t CausticMap::Grid::marked(const glm::ivec3& c) const {
+  const std::size_t at = place(c);
+  return static_cast<std::uint32_t>(marks[at / 32] >> 2 * (at % 32)) & 3u;
 }
 
 glm::ivec3 CausticMap::Grid::cell(const vec3& position) const {
@@ -284,9 +316,7 @@ std::uint32_t CausticMap::Grid::hash(const glm::ivec3& c) {
 template <typename Use>
 void CausticMap::Grid::forNear(const vec3& position, const Use& use) const {
   const glm::ivec3 here = cell(position);
-  const std::uint32_t h = hash(here);
-  if ((occupied[bit(h) / 64] >> bit(h) % 64 & 1u) == 0) return;
-  const std::size_t b = h & (firsts.size() - 2);
+  const std::size_t b = hash(here) & (firsts.size() - 2);
   for (std::uint32_t i = firsts[b]; i < firsts[b + 1]; ++i) {
     const Entry& entry = entries[i];
     const vec3 off = entry.position - position;
@@ -296,20 +326,47 @@ void CausticMap::Grid::forNear(const vec3& position, const Use& use) const {
   }
 }
 
-vec3 CausticMap::radiance(const Surface& surface, const Bsdf& bsdf, bool sharpToo) const {
+/// From the widest disks to the narrowest, as long as there are any in the cell.
+std::uint32_t CausticMap::near(const vec3& position) const {
+  if (grids_.empty()) return 0;
+  const glm::ivec3 finest = grids_.front().cell(position);
+  std::uint32_t found = 0;
+  for (std::size_t i = grids_.size(); i-- > 0;) {
+    const auto up = static_cast<int>(grids_[i].level - grids_.front().level);
+    const std::uint32_t marks = grids_[i].marked(finest >> up);
+    found |= (marks & Grid::kHere) << i;
+    if ((marks & Grid::kFiner) == 0) break;
+  }
+  return found;
+}
+
+template <typename Scattered>
+vec3 CausticMap::radianceOf(const vec3& at, std::uint32_t near, const vec3& normal,
+                            const Scattered& scattered) const {
   vec3 sum(0.0f);
-  if (!sharpToo && !bsdf.hasBroad()) return sum;
-  const vec3 at(surface.position), normal = bsdf.geometricNormal();
-  for (const Grid& grid : grids_) {
+  for (; near != 0; near &= near - 1) {
+    const Grid& grid = grids_[static_cast<std::size_t>(std::countr_zero(near))];
     grid.forNear(at, [&](const CausticPhoton& p, float distance2) {
       if (!sameSurface(p, at, normal, grid.radius)) return;
-      // Flux is by the surface's own area, what evaluate() takes by area across the light.
+      // Flux is by the surface's own area.
       const float cosine = std::max(std::abs(glm::dot(p.towards, normal)), kGrazing);
-      const LobeKind kind = sharpToo && !p.blurred ? LobeKind::kAll : LobeKind::kBroad;
-      sum += bsdf.evaluate(p.towards, kind) * p.power * (kernel(distance2, grid.radius) / cosine);
+      sum += scattered(p) * p.power * (kernel(distance2, grid.radius) / cosine);
     });
   }
   return sum;
+}
+
+vec3 CausticMap::radiance(const vec3& at, std::uint32_t near, const Bsdf& bsdf,
+                          bool sharpToo) const {
+  if (!sharpToo && !bsdf.hasBroad()) return vec3(0.0f);
+  return radianceOf(at, near, bsdf.geometricNormal(), [&](const CausticPhoton& p) {
+    return bsdf.evaluate(p.towards, sharpToo && !p.blurred ? LobeKind::kAll : LobeKind::kBroad);
+  });
+}
+
+vec3 CausticMap::radiance(const vec3& at, std::uint32_t near, const MatteSurface& surface) const {
+  return radianceOf(at, near, surface.facing,
+                    [&](const CausticPhoton& p) { return surface.evaluate(p.towards); });
 }
 
 }  // namespace trex

@@ -67,6 +67,21 @@ class CausticWidths {
   std::array<std::unordered_map<std::uint64_t, std::uint32_t>, kLevels> counts_;
 };
 
+/// A Lambertian surface as Bsdf has it, without the rest of one.
+struct MatteSurface {
+  vec3 diffuse;
+  vec3 normal;                ///< for shading, on the side of the eye
+  vec3 facing, smoothNormal;  ///< geometric and smooth one there, whose horizons count
+
+  /// As Bsdf::evaluate().
+  vec3 evaluate(const vec3& incoming) const {
+    const float up = glm::dot(incoming, normal);
+    const bool lit =
+        up > 0.0f && (glm::dot(incoming, facing) > 0.0f || glm::dot(incoming, smoothNormal) > 0.0f);
+    return lit ? diffuse * (kInvPi * up) : vec3(0.0f);
+  }
+};
+
 /// Photons of one map, by place. Immutable, so thread safe.
 class CausticMap {
  public:
@@ -74,9 +89,13 @@ class CausticMap {
   /// one by chance where the disk hangs over edges, as far as there are surfaces in it.
   CausticMap(const Scene& scene, std::span<const CausticPhoton> photons,
              const CausticWidths& widths, float shrink, const WalkTracer& walks);
-  /// Radiance that leaves the surface towards the eye of the Bsdf by its broad lobes and, if asked
-  /// for, by sharp ones of light that deltas alone have bent.
-  vec3 radiance(const Surface& surface, const Bsdf& bsdf, bool sharpToo) const;
+  /// Of the widths of disks those that may reach a place, a bit each: 0 where there is no caustic,
+  /// which is most places.
+  std::uint32_t near(const vec3& position) const;
+  /// Radiance that leaves the surface at a place, `near` of which is known, towards the eye of the
+  /// Bsdf by its broad lobes and, if asked for, by sharp ones of light that deltas alone have bent.
+  vec3 radiance(const vec3& position, std::uint32_t near, const Bsdf& bsdf, bool sharpToo) const;
+  vec3 radiance(const vec3& position, std::uint32_t near, const MatteSurface& surface) const;
   std::size_t size() const;
 
  private:
@@ -87,15 +106,17 @@ class CausticMap {
       vec3 position;
       std::uint32_t photon;  ///< its number times 8, and the cell's parity
     };
+    std::uint32_t level;
     float radius;
     std::vector<CausticPhoton> photons;
     std::vector<Entry> entries;         ///< by bucket, then by photon
     std::vector<std::uint32_t> firsts;  ///< of each bucket, and the end
-    /// A bit for each of kBitsOfBucket parts of a bucket, set where a cell has photons: small
-    /// enough for a near cache, it answers most places, where there are none.
-    std::vector<std::uint64_t> occupied;
-    static constexpr std::size_t kBitsOfBucket = 16;
-    Grid(std::vector<CausticPhoton> photons, float radius);
+    /// Two bits for each of kMarksOfBucket parts of a bucket, where there are buckets for all finer
+    /// photons too: whether a cell has photons, and whether finer cells in it have. Few are set.
+    std::vector<std::uint64_t> marks;
+    static constexpr std::size_t kMarksOfBucket = 16;
+    static constexpr std::uint32_t kHere = 1, kFiner = 2;
+    Grid(std::uint32_t level, std::vector<CausticPhoton> photons, float radius, std::size_t finer);
     glm::ivec3 cell(const vec3& position) const;
     /// No two cells of a photon have the same.
     static std::uint32_t parity(const glm::ivec3& c) {
@@ -103,13 +124,21 @@ class CausticMap {
     }
     /// Its low bits are the bucket.
     static std::uint32_t hash(const glm::ivec3& cell);
-    std::size_t bit(std::uint32_t hash) const {
-      return hash & ((firsts.size() - 1) * kBitsOfBucket - 1);
-    }
+    std::size_t place(const glm::ivec3& cell) const { return hash(cell) & (32 * marks.size() - 1); }
+    void mark(const glm::ivec3& cell, std::uint32_t what);
+    void markFiner(const Grid& finer);
+    std::uint32_t marked(const glm::ivec3& cell) const;
+    template <typename Use>
+    void forReached(const vec3& position, const Grid& finer, const Use& use) const;
     template <typename Use>
     void forNear(const vec3& position, const Use& use) const;
   };
-  std::vector<Grid> grids_;
+  /// `scattered`(photon): what of its light, by area across it, goes to the eye.
+  template <typename Scattered>
+  vec3 radianceOf(const vec3& position, std::uint32_t near, const vec3& normal,
+                  const Scattered& scattered) const;
+
+  std::vector<Grid> grids_;  ///< the finest first; cells lie in those of the next
 };
 
 /// Whether a material may have deltas or sharp lobes somewhere.

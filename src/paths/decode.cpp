@@ -8,10 +8,7 @@ void PathTracer::decode(Wave& wave) const {
   wave.plainCount = 0;
   for (WavePath* path : wave.underWay) {
     path->bsdf.reset();
-    path->place = PlainWave::kNotPlain;
-    if (path->caustics == nullptr) {
-      path->place = plain_.decode(path->hit, path->direction, wave, path->surface);
-    }
+    path->place = plain_.decode(path->hit, path->direction, wave, path->surface);
     if (!path->isPlain()) path->surface = rays_.surface(path->hit);
     const bool reads = !path->isPlain() || plain_.textured(path->surface.material);
     if (reads) prefetchTextures(scene_, path->surface);

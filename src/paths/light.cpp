@@ -120,15 +120,29 @@ bool PathTracer::askPlain(WavePath& path, Wave& wave, const PlainValues& values)
          asksRay(path, wave);
 }
 
-/// What arrives of the light that was chosen, and of caustics.
-void PathTracer::answer(WavePath& path) const {
+/// What arrives of the light that was chosen, and of caustics. `wave`: has the plain surfaces.
+void PathTracer::answer(WavePath& path, const PlainWave& wave) const {
   if (path.asks) takeAnswer(path);
-  if (path.caustics != nullptr) path.add(causticLight(path), path.scattered == 0);
+  if (path.caustics != nullptr) path.add(causticLight(path, wave), path.scattered == 0);
 }
 
-vec3 PathTracer::causticLight(const WavePath& path) const {
+/// Most surfaces have none, and many of the others are matte: of neither a Bsdf is made.
+vec3 PathTracer::causticLight(WavePath& path, const PlainWave& wave) const {
   const CausticMap& map = path.scattered == 0 ? *path.caustics->seen : *path.caustics->later;
-  return path.throughput * map.radiance(path.surface, *path.bsdf, !path.spread);
+  const vec3 at(path.surface.position);
+  const std::uint32_t near = map.near(at);
+  if (near == 0) return vec3(0.0f);
+  if (path.isPlain()) {
+    const PlainLanes& lanes = wave.lanesOf(path.place);
+    const std::size_t lane = PlainWave::laneOf(path.place);
+    if (PlainLanes::is(lanes.lambertian, lane)) {
+      const auto of = [&](const PlainLanes::Floats(&v)[3]) { return PlainLanes::vector(v, lane); };
+      const MatteSurface surface{of(lanes.diffuse), of(lanes.normal), of(lanes.facing),
+                                 of(lanes.smoothNormal)};
+      return path.throughput * map.radiance(at, near, surface);
+    }
+  }
+  return path.throughput * map.radiance(at, near, bsdfOf(path), !path.spread);
 }
 
 void PathTracer::takeAnswer(WavePath& path) const {

@@ -19,9 +19,10 @@ PathTracer::PathTracer(const Scene& scene, const RayScene& rays, const LightSet&
       background_(background),
       layers_(scene, rays),
       caustics_(caustics),
-      // Media add light on the way, and paths that wait for pages go on by themselves.
+      // Media add light on the way, and paths that wait for pages go on by themselves. Of sharp
+      // lobes caustics take their part.
       plain_(media_ == nullptr && rays.parts().paged == nullptr
-                 ? PlainSurfaces(scene, rays)
+                 ? PlainSurfaces(scene, rays, caustics != nullptr ? kSharpAlpha : kClearAlpha)
                  : PlainSurfaces::none(scene, rays)) {}
 
 void PathTracer::trace(std::span<const PathJob> jobs, std::uint32_t width, std::uint32_t first,
@@ -111,7 +112,7 @@ void PathTracer::run(Wave& wave) const {
     });
     ask(wave);
     for (WavePath* path : wave.underWay) {
-      if (path->fate == Fate::kLit) answer(*path);
+      if (path->fate == Fate::kLit) answer(*path, wave);
     }
     scatter(wave);
     std::erase_if(wave.underWay, [&](WavePath* path) { return !extend(*path, wave); });

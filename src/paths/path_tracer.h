@@ -47,7 +47,7 @@ struct WavePath;
 struct GuessOptions {
   const CachedLight* cache = nullptr;  ///< null: exact paths alone
   FootprintRule footprint;
-  bool noise = false;              ///< PathSample::photonNoise is asked for
+  bool noise = false;  ///< PathSample::photonNoise is asked for
   /// Of the samples, [0, 1]: those whose far field is gathered by cones (G0, and shadow cones). The
   /// others follow rays into cached light. Which ones is drawn from pixel, number and seed.
   double coneShare = 0.0;
@@ -106,7 +106,7 @@ class PathTracer {
   void look(WavePath& path) const;
   void see(WavePath& path, const vec3& albedo, const vec3& normal) const;
   void emit(WavePath& path) const;
-  bool endInCache(WavePath& path, const vec3& side) const;
+  bool endInCache(WavePath& path, const vec3& side, const vec3* albedo) const;
   bool handsToCones(const WavePath& path, bool cacheable) const;
 
   void ask(Wave& wave) const;
@@ -115,9 +115,9 @@ class PathTracer {
   bool askPlain(WavePath& path, Wave& wave, const PlainValues& values) const;
   bool asksRay(WavePath& path, Wave& wave) const;
   void shadowCone(WavePath& path, const vec3& radiance, Wave& wave) const;
-  void answer(WavePath& path) const;
+  void answer(WavePath& path, const PlainWave& wave) const;
   void takeAnswer(WavePath& path) const;
-  vec3 causticLight(const WavePath& path) const;
+  vec3 causticLight(WavePath& path, const PlainWave& wave) const;
   vec3 absorptionOf(const WavePath& path) const;
   AskedLight asked(const WavePath& path) const;
   bool answerHere(WaitingLight& light, WaitingRay& ray, LightAnswer& answer) const;

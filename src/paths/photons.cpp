@@ -1,5 +1,7 @@
 #include "src/paths/photons.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 
 #include "src/crays/bsdf.h"
@@ -182,7 +184,7 @@ std::optional<std::vector<LandedPhoton>> landPhotons(const Scene& scene, const W
   const RayScene& rays = walks.rays();
   // Media scatter photons on their way.
   const PlainSurfaces plain = rays.media() == nullptr && rays.parts().paged == nullptr
-                                  ? PlainSurfaces(scene, rays)
+                                  ? PlainSurfaces(scene, rays, kClearAlpha)
                                   : PlainSurfaces::none(scene, rays);
   const Photons photons{scene,      rays.media(), lights,
                         guides,     seed,         static_cast<std::uint32_t>(first),
@@ -196,11 +198,16 @@ std::optional<std::vector<LandedPhoton>> landPhotons(const Scene& scene, const W
 std::vector<PhotonLesson> lessonsOf(std::span<const LandedPhoton> landed,
                                     const ImportanceMap& importance,
                                     std::span<const EmissionGuide> guides) {
+  std::vector<float> visits(landed.size(), 0.0f);
+  tbb::parallel_for(std::size_t{0}, landed.size(), [&](std::size_t i) {
+    const LandedPhoton& p = landed[i];
+    if (p.source >= guides.size() || guides[p.source].dimensions() == 0) return;
+    visits[i] = importance.visits(p.position, p.normal);
+  });
   std::vector<PhotonLesson> lessons;
-  for (const LandedPhoton& p : landed) {
-    if (p.source >= guides.size() || guides[p.source].dimensions() == 0) continue;
-    const float visits = importance.visits(p.position, p.normal);
-    if (visits > 0.0f) lessons.push_back({p.primary, p.density, visits, p.source});
+  for (std::size_t i = 0; i < landed.size(); ++i) {
+    const LandedPhoton& p = landed[i];
+    if (visits[i] > 0.0f) lessons.push_back({p.primary, p.density, visits[i], p.source});
   }
   return lessons;
 }

@@ -4,14 +4,17 @@
 
 namespace trex {
 
-PlainSurfaces::PlainSurfaces(const Scene& scene, const RayScene& rays)
+PlainSurfaces::PlainSurfaces(const Scene& scene, const RayScene& rays, float leastAlpha)
     : scene_(scene),
       rays_(rays),
       materials_(plainMaterials(scene.materials)),
-      kernels_(choosePlainKernels()) {}
+      leastAlpha_(leastAlpha),
+      kernels_(choosePlainKernels()) {
+  for (PlainMaterial& m : materials_) m.plain &= m.roughnessTexture || m.alpha > leastAlpha_;
+}
 
 PlainSurfaces PlainSurfaces::none(const Scene& scene, const RayScene& rays) {
-  PlainSurfaces none(scene, rays);
+  PlainSurfaces none(scene, rays, kClearAlpha);
   none.materials_.clear();
   return none;
 }
@@ -67,7 +70,7 @@ void PlainSurfaces::shade(PlainWave& wave) const {
 bool PlainSurfaces::finish(std::uint8_t place, const PlainWave& wave, Surface& surface) const {
   const PlainLanes& lanes = wave.lanesOf(place);
   const std::size_t lane = PlainWave::laneOf(place);
-  if (PlainLanes::is(lanes.odd, lane) || !(lanes.alpha[lane] > kClearAlpha)) return false;
+  if (PlainLanes::is(lanes.odd, lane) || !(lanes.alpha[lane] > leastAlpha_)) return false;
   surface.position = PlainLanes::vector(lanes.position, lane);
   surface.geometricNormal = PlainLanes::vector(lanes.geometricNormal, lane);
   for (int side = 0; side < 2; ++side) {

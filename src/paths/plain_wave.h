@@ -70,8 +70,9 @@ struct PlainWave {
 /// The plain materials of a scene. Immutable, so thread safe.
 class PlainSurfaces {
  public:
-  /// Both must outlive it.
-  PlainSurfaces(const Scene& scene, const RayScene& rays);
+  /// Both must outlive it. Lobes of an alpha up to `leastAlpha`, at least kClearAlpha, are left
+  /// out.
+  PlainSurfaces(const Scene& scene, const RayScene& rays, float leastAlpha);
   /// No surface is plain.
   static PlainSurfaces none(const Scene& scene, const RayScene& rays);
 
@@ -96,6 +97,7 @@ class PlainSurfaces {
   const Scene& scene_;
   const RayScene& rays_;
   std::vector<PlainMaterial> materials_;  ///< empty: no surface is plain
+  float leastAlpha_;
   const PlainKernels* kernels_;
 };
 

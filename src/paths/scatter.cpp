@@ -70,6 +70,7 @@ bool PathTracer::scatterPlain(WavePath& path, const Wave& wave,
   const std::size_t lane = Wave::laneOf(path.place);
   BsdfSample next;
   if (++path.bounces >= kMostBounces || !Wave::sampled(path.place, samples, next)) return false;
+  path.spread |= path.caustics != nullptr;  // no lobe of theirs is sharp then
   return goOn(
       path, next,
       {false, lanes.leavesFront(next.direction, lane), PlainLanes::vector(lanes.normal, lane)});

@@ -16,11 +16,24 @@
 namespace trex {
 namespace {
 
-/// Of the seconds of a render that `auto` spends on Open Image Denoise, and of the memory.
-constexpr double kMostTime = 0.25;
+/// Part of the memory that `auto` spends on Open Image Denoise.
 constexpr std::uint64_t kMostMemoryPart = 4;
-/// Work of the thorough way over that of the quick one, of two parts of light (docs/denoising.md).
-constexpr double kThorough = 6.0;
+
+/// A way of it: its work over that of the quick one, and the most of the seconds of a render that
+/// are spent on it. The better ways cost samples (docs/denoising.md).
+struct Way {
+  DenoiseMethod method;
+  double work, share;
+};
+constexpr Way kWays[] = {{DenoiseMethod::kOidnThorough, 4.6, 0.125},
+                         {DenoiseMethod::kOidnWell, 2.3, 0.25},
+                         {DenoiseMethod::kOidnQuick, 1.0, 0.25}};
+
+double workOf(DenoiseMethod method) {
+  const Way* const way = std::find_if(std::begin(kWays), std::end(kWays),
+                                      [&](const Way& w) { return w.method == method; });
+  return way->work;
+}
 
 /// The shorter of two runs.
 template <typename Run>
@@ -62,18 +75,14 @@ void warnOfBroken(const std::string& problem) {
   std::call_once(said, [&] { logWarning("{}", problem); });
 }
 
-/// The way that the time allows.
-DenoiseMethod oidnMethod(const RenderSettings& s) {
-  const auto fits = [&](DenoiseMethod m) {
-    return !(s.seconds > 0.0) || denoiseSeconds(m, s, false) <= kMostTime * s.seconds;
-  };
-  if (fits(DenoiseMethod::kOidnThorough)) return DenoiseMethod::kOidnThorough;
-  const bool asked = s.denoise == Denoise::kOidn;
-  return asked || fits(DenoiseMethod::kOidnQuick) ? DenoiseMethod::kOidnQuick
-                                                  : DenoiseMethod::kFilter;
-}
-
 }  // namespace
+
+DenoiseMethod wayWithin(double seconds, double quick) {
+  for (const Way& way : kWays) {
+    if (way.work * quick <= way.share * seconds) return way.method;
+  }
+  return DenoiseMethod::kFilter;
+}
 
 bool mayUseOidn(const RenderSettings& s) {
   if (s.denoise == Denoise::kOidn) {
@@ -93,7 +102,13 @@ bool mayUseOidn(const RenderSettings& s) {
 DenoiseMethod denoiseMethod(const RenderSettings& s) {
   if (s.denoise == Denoise::kOff) return DenoiseMethod::kOff;
   try {
-    if (mayUseOidn(s)) return oidnMethod(s);
+    if (mayUseOidn(s)) {
+      if (!(s.seconds > 0.0)) return DenoiseMethod::kOidnThorough;
+      const double quick = denoiseSeconds(DenoiseMethod::kOidnQuick, s, false);
+      const DenoiseMethod method = wayWithin(s.seconds, quick);
+      const bool asked = s.denoise == Denoise::kOidn;
+      return asked && !isOidn(method) ? DenoiseMethod::kOidnQuick : method;
+    }
   } catch (const Error& e) {
     if (s.denoise == Denoise::kOidn) throw;
     warnOfBroken(e.what());
@@ -107,8 +122,7 @@ double denoiseSeconds(DenoiseMethod method, const RenderSettings& s, bool correc
   const double pixels = static_cast<double>(s.width) * s.height;
   const double corrections = !corrected ? 0.0 : s.dial ? 2.0 : 1.0;  // a dial's: of two halves
   if (!isOidn(method)) return (1.0 + corrections) * filterSeconds() * pixels;
-  const double times = method == DenoiseMethod::kOidnThorough ? kThorough : 1.0;
-  const double guess = times * oidnSeconds(*findOidn().library);
+  const double guess = workOf(method) * oidnSeconds(*findOidn().library);
   return (guess + (corrected ? corrections * filterSeconds() : 0.0)) * pixels;
 }
 

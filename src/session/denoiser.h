@@ -11,7 +11,8 @@ enum class DenoiseMethod : std::uint8_t {
   kOff,
   kFilter,        ///< src/frame/denoise.h
   kOidnQuick,     ///< Open Image Denoise, all light in one go
-  kOidnThorough,  ///< guides smoothed first, direct and indirect light apart
+  kOidnWell,      ///< the same by its best network
+  kOidnThorough,  ///< that network for direct and indirect light apart
 };
 
 /// Whether Open Image Denoise may be taken: it is asked for, or `auto` finds it, there is memory
@@ -19,9 +20,13 @@ enum class DenoiseMethod : std::uint8_t {
 /// Error(kMemoryOrDevice) if it is asked for and can't be used.
 bool mayUseOidn(const RenderSettings& settings);
 
-/// The choice. With a limit of time Open Image Denoise is tried out first, and what would take
-/// more than a quarter of the time is not taken by `auto`. Throws as mayUseOidn().
+/// The choice. With a limit of time Open Image Denoise is tried out first: the best way that takes
+/// no more than its share of the time. Throws as mayUseOidn().
 DenoiseMethod denoiseMethod(const RenderSettings& settings);
+
+/// Of the ways of Open Image Denoise the best one that takes no more than its share of so many
+/// seconds of rendering, where the quick one takes `quick`; kFilter if none does.
+DenoiseMethod wayWithin(double seconds, double quick);
 
 /// Seconds that denoising a whole picture takes here, about: the guess alone, and with a
 /// correction by pairs.
@@ -30,8 +35,6 @@ double denoiseSeconds(DenoiseMethod method, const RenderSettings& settings, bool
 /// "none", "filter", or "oidn VERSION (DEVICE)".
 std::string denoiserName(DenoiseMethod method);
 
-inline bool isOidn(DenoiseMethod m) {
-  return m == DenoiseMethod::kOidnQuick || m == DenoiseMethod::kOidnThorough;
-}
+inline bool isOidn(DenoiseMethod m) { return m >= DenoiseMethod::kOidnQuick; }
 
 }  // namespace trex

@@ -1,5 +1,7 @@
 #include "src/session/light_pass.h"
 
+#include <tbb/parallel_for.h>
+
 #include <algorithm>
 #include <bit>
 #include <chrono>
@@ -75,13 +77,14 @@ std::optional<ShotPhotons> LightPass::land(std::uint64_t first, std::uint64_t co
       landPhotons(scene_, walks_, lights_, seed_, first, count, rayBounces_, guides_, giveUp);
   if (!landed) return {};
   ShotPhotons shot;
-  shot.records.reserve(landed->size());
-  for (const LandedPhoton& p : *landed) {
+  shot.records.resize(landed->size());
+  tbb::parallel_for(std::size_t{0}, landed->size(), [&](std::size_t i) {
+    const LandedPhoton& p = (*landed)[i];
     const std::uint32_t flags =
         (rayBounces_ ? shaderio::kLastLanding : 0u) + (p.bounce > 0 ? shaderio::kLaterLanding : 0u);
-    shot.records.push_back(
-        {p.position, cache_.tracer().asvoOctEncode(p.normal), p.power * inverse, p.index + flags});
-  }
+    shot.records[i] = {p.position, cache_.tracer().asvoOctEncode(p.normal), p.power * inverse,
+                       p.index + flags};
+  });
   shot.lessons = lessonsOf(*landed, importance_, guides_);
   return shot;
 }

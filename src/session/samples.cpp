@@ -1,5 +1,6 @@
 #include "src/session/samples.h"
 
+#include <tbb/blocked_range.h>
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
@@ -87,10 +88,13 @@ std::size_t costOf(const SampleBatch& batch) {
   return batch.jobs.size() - batch.looks + (batch.looks + kLooksOfASample - 1) / kLooksOfASample;
 }
 
+std::uint32_t costOf(const RayCounts& rays) {
+  return static_cast<std::uint32_t>(rays.cRays + rays.shadowRays + rays.cones);
+}
+
 /// What sample i of a finished batch brings to a frame.
 TakenSample takenOf(const SampleBatch& batch, std::size_t i) {
   const PathSample& p = batch.paths[i];
-  const RayCounts& rays = batch.rays[i];
   return {.guess = p.common + p.guess,
           .exact = p.common + p.exact,
           .light = p.common - p.own + p.guess,
@@ -100,13 +104,13 @@ TakenSample takenOf(const SampleBatch& batch, std::size_t i) {
           .direct = p.direct,
           .directExact = p.directExact,
           .photonNoise = p.photonNoise,
-          .rays = static_cast<std::uint32_t>(rays.cRays + rays.shadowRays + rays.cones),
-          .cRays = static_cast<std::uint32_t>(rays.cRays + rays.shadowRays),
-          .gRays = static_cast<std::uint32_t>(rays.cones + rays.cacheReads),
+          .rays = costOf(batch.rays[i]),
+          .cRays = static_cast<std::uint32_t>(batch.rays[i].cRays + batch.rays[i].shadowRays),
+          .gRays = static_cast<std::uint32_t>(batch.rays[i].cones + batch.rays[i].cacheReads),
           .paired = batch.jobs[i].paired};
 }
 
-/// A sample enters the frame and its layers.
+/// A sample enters its pixel's sums and layers.
 void addSample(FrameBuffers& frame, std::uint32_t x, std::uint32_t y, std::uint32_t sample,
                const TakenSample& p) {
   if (sample == 0) frame.restart(x, y);
@@ -126,7 +130,6 @@ void addSample(FrameBuffers& frame, std::uint32_t x, std::uint32_t y, std::uint3
     frame.rayClasses->add(x, y, static_cast<float>(p.cRays), static_cast<float>(p.gRays));
   }
   if (frame.photonNoise) frame.photonNoise->add(x, y, sample, p.photonNoise);
-  if (frame.dial) frame.dial->add(frame.tiles.tileAt(x, y), p.paired, p.rays);
 }
 
 /// A sample or a look of a finished batch.
@@ -139,6 +142,30 @@ void addJob(FrameBuffers& frame, const SampleBatch& batch, std::size_t i) {
     return;
   }
   addSample(frame, job.x, job.y, job.sample, takenOf(batch, i));
+}
+
+/// All of a finished batch. `apart`: no two jobs are of one pixel, so all threads add them; those
+/// that are not finite come last, in their order, for the report.
+void mergeJobs(FrameBuffers& frame, const SampleBatch& batch, bool apart) {
+  constexpr std::size_t kPixels = 256;
+  const std::size_t count = batch.jobs.size();
+  std::vector<std::uint8_t> added(count);
+  const auto finite = [&](const PathSample& p, bool paired) {
+    return isFinite(p.common + p.guess) && (!paired || isFinite(p.common + p.exact));
+  };
+  tbb::parallel_for(tbb::blocked_range<std::size_t>(0, apart ? count : 0, kPixels),
+                    [&](const tbb::blocked_range<std::size_t>& range) {
+                      for (std::size_t i = range.begin(); i != range.end(); ++i) {
+                        added[i] = finite(batch.paths[i], batch.jobs[i].paired);
+                        if (added[i] != 0) addJob(frame, batch, i);
+                      }
+                    });
+  for (std::size_t i = 0; i < count; ++i) {
+    const PathJob& job = batch.jobs[i];
+    if (added[i] == 0) addJob(frame, batch, i);
+    if (!frame.dial || job.look) continue;
+    frame.dial->add(frame.tiles.tileAt(job.x, job.y), job.paired, costOf(batch.rays[i]));
+  }
 }
 
 /// The error of a tile for the order of tiles: of noise once pixels have two samples, before that
@@ -339,7 +366,7 @@ void SampleTaker::resume(const SampleSource& source, std::span<const PathState> 
 void SampleTaker::merge(FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
                         SampleBatch& batch) {
   finish(source, light, batch);
-  for (std::size_t i = 0; i < batch.jobs.size(); ++i) addJob(frame, batch, i);
+  mergeJobs(frame, batch, !interactive_ && !source.batched);
   if (interactive_) {
     for (const std::uint32_t tile : batch.finishedTiles) rateTile(frame, tile);
   }
@@ -384,7 +411,9 @@ void SampleTaker::add(FrameBuffers& frame, std::span<const TileUnit> units,
   std::size_t i = 0;
   for (const TileUnit& unit : units) {
     eachPixel(frame.tiles.tiles()[unit.tile], unit, [&](std::uint32_t x, std::uint32_t y) {
-      addSample(frame, x, y, unit.sample, taken.samples[i++]);
+      const TakenSample& sample = taken.samples[i++];
+      addSample(frame, x, y, unit.sample, sample);
+      if (frame.dial) frame.dial->add(unit.tile, sample.paired, sample.rays);
     });
     frame.tiles.cameBack(unit);
     if (interactive_) rateTile(frame, unit.tile);

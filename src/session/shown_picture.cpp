@@ -16,6 +16,9 @@ constexpr std::uint64_t kSamplesThatTell = 4;
 /// Pixels wide, of the lattice that light is filtered on before that: one of it has four times as
 /// many samples, which tell its noise from its light.
 constexpr std::uint32_t kLeastLattice = 2;
+/// Of a pixel, whose albedo and normal are smooth; and from which on they are more use to Open
+/// Image Denoise's best network as they are than to the other (docs/denoising.md).
+constexpr std::uint32_t kSamplesThatShow = 8, kSamplesThatDo = 3;
 /// Of all pixels, well enough to tell what a denoiser that does not know them has lost.
 constexpr std::uint64_t kSamplesThatTellTheRest = 16;
 
@@ -108,18 +111,26 @@ void takeDirectOut(const FrameBuffers& frame, std::vector<std::vector<vec3>>& pa
 }
 
 /// The light of a whole frame by Open Image Denoise: by what pixels show, direct and indirect apart
-/// if `thorough`.
-std::vector<vec3> byOidn(const FrameBuffers& frame, const FeatureImage& features, bool thorough) {
+/// in the thorough way. The best network wants guides without noise; what many samples show is.
+std::vector<vec3> byOidn(const FrameBuffers& frame, const FeatureImage& features,
+                         DenoiseMethod method) {
   using Pixel = std::uint32_t;
   const std::uint32_t width = features.width(), height = features.height();
   const auto each = [&](const auto& value) { return collect(width, height, 1, value); };
+  const std::uint32_t samples = frame.tiles.samplesDone();
   OidnGuides guides{width, height,
                     each([&](Pixel x, Pixel y) { return features.mean(x, y).albedo; }),
-                    each([&](Pixel x, Pixel y) { return features.mean(x, y).normal; })};
+                    each([&](Pixel x, Pixel y) { return features.mean(x, y).normal; }),
+                    samples >= kSamplesThatShow};
   std::vector<std::vector<vec3>> parts{
       each([&](Pixel x, Pixel y) { return features.light(x, y); })};
-  if (thorough) takeDirectOut(frame, parts);
-  return denoiseLight(*findOidn().library, std::move(guides), parts, thorough);
+  bool best = method == DenoiseMethod::kOidnThorough;
+  if (best) {
+    takeDirectOut(frame, parts);
+  } else if (method == DenoiseMethod::kOidnWell && samples >= kSamplesThatDo) {
+    best = guides.smooth = true;
+  }
+  return denoiseLight(*findOidn().library, std::move(guides), parts, best);
 }
 
 bool fewSamples(const FrameBuffers& frame) { return frame.tiles.samplesDone() < kSamplesThatTell; }
@@ -128,7 +139,7 @@ bool fewSamples(const FrameBuffers& frame) { return frame.tiles.samplesDone() < 
 
 std::vector<vec3> denoiseFrame(const FrameBuffers& frame, const FeatureImage& features,
                                DenoiseMethod method) {
-  if (isOidn(method)) return byOidn(frame, features, method == DenoiseMethod::kOidnThorough);
+  if (isOidn(method)) return byOidn(frame, features, method);
   GuessFilter filter(features, fewSamples(frame));
   filter.advance([] { return true; });
   return filter.result();

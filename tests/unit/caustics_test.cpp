@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <bit>
+#include <cmath>
+
 #include "src/frame/estimator.h"
 #include "src/paths/path_tracer.h"
 #include "src/paths/photons.h"
@@ -299,7 +302,8 @@ double taken(const Scene& scene, const Points& points, bool blurred) {
     RayHit hit;
     EXPECT_TRUE(rays.intersect(from + 1e-4f * up, -up, 0.0f, kInfinity, hit));
     const Surface surface = rays.surface(hit);
-    sum += static_cast<double>(map.radiance(surface, Bsdf(scene, surface, up), true).x);
+    const vec3 at(surface.position);
+    sum += static_cast<double>(map.radiance(at, map.near(at), Bsdf(scene, surface, up), true).x);
   }
   return sum * kPi / kCount;
 }
@@ -371,6 +375,43 @@ TEST(Caustics, DisksKnowOfAlpha) {
     const auto points = [](vec2 u) { return vec3(0.4f * u.x - 0.2f, 0.0f, 0.4f * u.y - 0.2f); };
     EXPECT_NEAR(taken(scene, points, false) * 0.16 * double(alpha), 1.0, 0.03) << alpha;
   }
+}
+
+/// Widths that near() leaves out bring nothing; where no photon is, none is left.
+TEST(Caustics, WidthsThatAreNotNearBringNothing) {
+  Scene scene = floorFrom(0.3f, 0.0f, 1.0f);
+  const RayScene rays(scene);
+  const vec3 up(0.0f, 1.0f, 0.0f);
+  // Denser and denser towards one corner of a square: disks of many widths.
+  std::vector<CausticPhoton> photons;
+  for (std::uint32_t i = 0; i < 4096; ++i) {
+    const vec2 u = Sampler(11, i, 0).next2D();
+    photons.push_back({vec3(std::pow(u.x, 4.0f), 0.0f, std::pow(u.y, 4.0f)), up, up,
+                       vec3(1.0f / 4096.0f), false, kInfinity});
+  }
+  const CausticWidths widths(photons, 4.0f, 16.0);
+  const CausticMap map(scene, photons, widths, 0.8f, WalkTracer(rays));
+  std::uint32_t all = 0, seen = 0, left = 0;
+  for (std::uint32_t i = 0; i < 4096; ++i) {
+    const vec2 u = Sampler(12, i, 0).next2D();
+    all |= map.near(vec3(std::pow(u.x, 4.0f), 0.0f, std::pow(u.y, 4.0f)));
+  }
+  EXPECT_GE(std::popcount(all), 5);
+  for (std::uint32_t i = 0; i < 4096; ++i) {
+    const vec2 u = 8.0f * Sampler(13, i, 0).next2D() - 4.0f;
+    const vec3 from(u.x, 0.5f, u.y);
+    RayHit hit;
+    if (!rays.intersect(from, -up, 0.0f, kInfinity, hit)) continue;
+    const Surface surface = rays.surface(hit);
+    const Bsdf bsdf(scene, surface, up);
+    const vec3 at(surface.position);
+    const std::uint32_t near = map.near(at);
+    EXPECT_EQ(map.radiance(at, near, bsdf, true), map.radiance(at, near | all, bsdf, true));
+    seen += near != 0 && map.radiance(at, near, bsdf, true).x > 0.0f;
+    left += near == 0;
+  }
+  EXPECT_GT(seen, 100u);
+  EXPECT_GT(left, 2000u);
 }
 
 TEST(Caustics, MapsDependOnNothingButTheirNumber) {

@@ -4,6 +4,7 @@
 
 #include <random>
 
+#include "src/crays/lights_detail.h"
 #include "src/session/model.h"
 #include "tests/unit/glass_scenes.h"
 
@@ -38,6 +39,41 @@ TEST(LightCache, LayersThatHideEachOtherHaveNoLightOfTheirOwn) {
     EXPECT_TRUE(reads(dvec3(-1.1, 0.0, 0.3), 1.0f, radius));
     EXPECT_FALSE(reads(dvec3(1.1, 0.002, 0.3), 1.0f, radius));
     EXPECT_TRUE(reads(dvec3(1.1, 1.0, 0.3), -1.0f, radius));
+  }
+}
+
+/// A place is looked for from a table on; what is found is what the tree has there.
+TEST(LightCache, FindsWhatTheTreeHas) {
+  Scene scene;
+  scene.materials = {test::lambert(0.5f)};
+  test::place(scene, test::sphere(vec3(0.3f, 0.1f, -0.2f), 1.7f, 0, 24));
+  for (const int depth : {4, 5, 8}) {
+    ModelOptions options;
+    options.voxelDepth = depth;
+    options.voxelsInTheDark = true;
+    const Model model = makeModel(scene, options);
+    const asvo::Tree& tree = *model.voxels;
+    LightCache cache(tree);
+    std::vector<asvo::uvec4> light;  // of each node another
+    for (std::uint32_t i = 0; i < tree.nodes.size(); ++i) {
+      const vec3 number(static_cast<float>(i % 100), static_cast<float>(i / 100 % 100),
+                        static_cast<float>(i / 10000));
+      light.emplace_back(cache.tracer().asvoPackRgb9e5(number));
+    }
+    cache.setLight(light, 1.0, 1e9);
+    const dvec3 origin = model.rays->renderOrigin();
+    int found = 0;
+    for (std::uint32_t i = 0; i < 2000; ++i) {
+      const vec3 normal = uniformSphere(Sampler(3, i, 0).next2D());
+      const vec3 at(dvec3(vec3(0.3f, 0.1f, -0.2f) + 1.7f * normal) - origin);
+      vec3 irradiance;
+      const std::uint32_t voxel = cache.tracer().asvoFind(at, tree.info.depth);
+      if (voxel == asvo::ASVO_NONE) continue;  // beside the facets
+      if (!cache.irradiance(at, normal, 0.0f, vec2(0.5f), irradiance)) continue;
+      EXPECT_EQ(irradiance, cache.tracer().asvoUnpackRgb9e5(light[voxel].x));
+      ++found;
+    }
+    EXPECT_GT(found, 1000) << depth;
   }
 }
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "src/paths/walk_tracer.h"
+#include "src/session/denoiser.h"
 #include "src/session/goal.h"
 #include "tests/unit/scenes.h"
 
@@ -69,6 +70,26 @@ TEST(Plan, SamplesThatWaitForPagesTogetherHaveOneLight) {
   s.leastPhotons = s.photons = photonTarget(64, kPixels);  // none are shot in between
   s.samples = 3;
   EXPECT_EQ(plan(s), (Work{.kind = Kind::kSamples, .barrier = 40}));
+}
+
+/// The longer a render, the better the denoiser, and never more than a quarter of the time for it.
+TEST(Denoiser, WaysFollowFromTheTime) {
+  using Method = DenoiseMethod;
+  constexpr double kQuick = 0.05;
+  EXPECT_EQ(wayWithin(0.19, kQuick), Method::kFilter);
+  EXPECT_EQ(wayWithin(0.21, kQuick), Method::kOidnQuick);
+  EXPECT_EQ(wayWithin(0.5, kQuick), Method::kOidnWell);
+  EXPECT_EQ(wayWithin(2.0, kQuick), Method::kOidnThorough);
+  Method before = Method::kFilter;
+  for (double seconds = 0.01; seconds < 10.0; seconds *= 1.1) {
+    const Method now = wayWithin(seconds, kQuick);
+    EXPECT_GE(now, before) << seconds;
+    EXPECT_EQ(now, wayWithin(10.0 * seconds, 10.0 * kQuick)) << seconds;
+    before = now;
+  }
+  for (const Method m : {Method::kOidnQuick, Method::kOidnWell, Method::kOidnThorough})
+    EXPECT_TRUE(isOidn(m));
+  EXPECT_FALSE(isOidn(Method::kFilter));
 }
 
 TEST(Plan, NothingIsDoneBeyondTheGoal) {

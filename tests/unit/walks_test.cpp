@@ -43,7 +43,8 @@ std::vector<vec3> radianceOf(const Scene& scene, const RayScene& rays, const Cau
     const RayStart start(photons[i].position + 1e-3f * photons[i].normal);
     if (!rays.intersect(start, -photons[i].normal, 0.0f, 2e-3f, hit)) continue;
     const Surface surface = rays.surface(hit);
-    out.push_back(map.radiance(surface, Bsdf(scene, surface, photons[i].normal), true));
+    const vec3 at(surface.position);
+    out.push_back(map.radiance(at, map.near(at), Bsdf(scene, surface, photons[i].normal), true));
   }
   return out;
 }
