@@ -10,7 +10,7 @@ namespace {
 /// What a cone's path costs the processors, and what a ray into cached light in its place costs
 /// more, in rays as `trex doctor --measure` traces them: medians of what tests/bench/cone_share.py
 /// prints.
-constexpr double kRaysOfAPath = 10.0, kRaysOfAGather = 0.6;
+constexpr double kRaysOfAPath = 10.0, kRaysOfAGather = 0.5;
 constexpr double kConesAJob = 4096.0;  ///< of a tile's sample, about
 
 /// Times of a kind of job on a device; none if they were not measured.
