@@ -26,6 +26,7 @@
 #include "src/machines/link_probe.h"
 #include "src/machines/page_server.h"
 #include "src/machines/photon_parts.h"
+#include "src/machines/window_messages.h"
 #include "src/session/taken_samples.h"
 
 namespace trex::machines {

@@ -6,6 +6,7 @@
 #include <memory>
 #include <string>
 
+#include "src/machines/window_messages.h"
 #include "src/machines/worker.h"
 #include "src/session/model_editor.h"
 

@@ -182,20 +182,6 @@ void Viewer::Impl::takeMeshes(std::shared_ptr<Model> model, const ModelOptions& 
   restartFrame(false);
 }
 
-/// Other machines follow what is shown from now on.
-void Viewer::Impl::tellHelper() {
-  if (options.helper == nullptr) return;
-  options.helper->edited(lookText(history->current(), editor->model().scene, editor->source()),
-                         options.settings.width, options.settings.height);
-}
-
-/// They have the first model alone.
-void Viewer::Impl::leaveHelper() {
-  if (options.helper == nullptr) return;
-  logWarning("the other machines have another model open; going on without them");
-  options.helper = nullptr;
-}
-
 void Viewer::Impl::takeSourceVoxels(std::shared_ptr<asvo::Tree> tree,
                                     std::unique_ptr<GRayTracer> device) {
   editor->setSourceVoxels(tree);

@@ -17,7 +17,7 @@ Prints for each number of machines how long the same picture takes, and what tra
 the model, the others start with nothing) and local copies. All pictures must have the same bytes. Leaves nothing behind."""
 import argparse, json, os, resource, shutil, signal, statistics, subprocess, sys, tempfile, time
 
-NAME = "trex-bench"
+NAME = f"trex-bench-{os.getpid()}"  # others may measure, too
 CPU = "/sys/fs/cgroup/cpu"
 
 
@@ -171,7 +171,7 @@ def window(a, trex, folder, model):
             os.environ["DISPLAY"] = ":" + pipe.readline().strip()
         for megabits in a.megabits.split(","):
             machines = Machines(2, megabits, a.share, folder)
-            coarse, settled, samples = {}, {}, 0
+            coarse, settled, used, samples = {}, {}, {}, 0
             for run in range(a.runs):
                 for who, servers in (("alone", []), ("served", [":", "-n", 1, trex, "worker", "--threads", 1])):
                     machines.call(1, [*view, *servers])
@@ -180,7 +180,9 @@ def window(a, trex, folder, model):
                     for step in said["steps"]:
                         if step["label"] in kinds:
                             coarse.setdefault((who, step["label"]), []).append(step["first_coarse_ms"])
-                    settled.setdefault(who, []).append(sum(step["seconds"] for step in said["steps"] if step["label"] == "settle"))
+                    settling = [step for step in said["steps"] if step["label"] == "settle"]
+                    settled.setdefault(who, []).append(sum(step["seconds"] for step in settling))
+                    used.setdefault(who, []).append(sum(step["processor_seconds"] for step in settling))
                     samples = said["machines"][1]["samples"] if servers else samples
             machines.remove()
             for kind in kinds:
@@ -189,7 +191,8 @@ def window(a, trex, folder, model):
                       f"(bar 67), medians of {len(coarse['alone', kind])}", flush=True)
             seconds = {who: statistics.median(s) for who, s in settled.items()}
             print(f"{megabits:>4} Mbit  edit to {a.spp} samples: {seconds['alone']:.2f} s alone, {seconds['served']:.2f} s with a server, "
-                  f"{seconds['alone'] / seconds['served']:.2f}x; {samples} samples by the server in the last run", flush=True)
+                  f"{seconds['alone'] / seconds['served']:.2f}x; the window's processor {statistics.median(used['alone']):.2f} s and "
+                  f"{statistics.median(used['served']):.2f} s; {samples} samples by the server in the last run", flush=True)
     finally:
         if machines:
             machines.remove()

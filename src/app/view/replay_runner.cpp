@@ -94,7 +94,7 @@ int ReplayRunner::run() {
 void ReplayRunner::step(const ReplayStep& s) {
   turns_ = {};
   entry_ = {{"label", s.label}};
-  const double begun = now();
+  const double begun = now(), used = processorSeconds();
   await(s.wait);
   prepare(s);
   const double start = now();
@@ -104,6 +104,7 @@ void ReplayRunner::step(const ReplayStep& s) {
   if (s.idle > 0.0) measureIdle(s.idle);
   save(s);
   entry_["seconds"] = now() - begun;
+  entry_["processor_seconds"] = processorSeconds() - used;
   const ViewerFigures f = viewer_.figures();
   entry_["samples_per_pixel"] = f.samplesPerPixel;
   entry_["estimated_distance"] = f.truthDistance;
