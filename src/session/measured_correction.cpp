@@ -226,8 +226,8 @@ std::vector<vec3> MeasuredCorrection::take(const std::vector<vec3>& picture) {
 
 double BiasLeft::square(double known) const {
   const double sure = std::max(known, captured), more = even.square - sure;
-  const double beyond = more > 0.0 ? more * more / (more + even.doubt)
-                                   : std::min(more + kSurely * even.doubt, 0.0);
+  const double beyond =
+      more > 0.0 ? more * more / (more + even.doubt) : std::min(more + kSurely * even.doubt, 0.0);
   return std::max(sure + beyond - captured, 0.0) + detail;
 }
 
