@@ -263,6 +263,28 @@ TEST(PhotonNoiseSession, ThreadsAndStopsChangeNoEstimate) {
   std::filesystem::remove(path);
 }
 
+/// Pairs of which a few outshine all others: what they would change by more than it is worth is
+/// left out, and the picture stays near that of the guess.
+TEST(MeasuredCorrectionSession, RareBrightPathsDoNoHarm) {
+  RenderSettings corrected = settings(16);
+  corrected.seed = 4;
+  RenderSettings plain = corrected;
+  plain.dial = false;
+  plain.exact = 0.0;
+  const auto a = session(corrected), b = session(plain);
+  a->run();
+  b->run();
+  const Picture p = a->picture(), guess = b->picture();
+  double mean = 0.0, off = 0.0;
+  const auto count = static_cast<double>(guess.values.size());
+  for (const float v : guess.values) mean += static_cast<double>(v) / count;
+  for (std::size_t i = 0; i < guess.values.size(); ++i) {
+    const auto x = static_cast<double>(p.values[i]), y = static_cast<double>(guess.values[i]);
+    off += (x - y) * (x - y) / (y * y + 0.01 * mean * mean) / count;
+  }
+  EXPECT_LT(off, 0.3);
+}
+
 /// Of any photons asked for at once, such as those of a machine that comes late.
 TEST(PhotonNoiseSession, LightOfAllPhotonsAtOnceTellsTheSame) {
   const auto steps = session(settings(17)), late = session(settings(17));
