@@ -407,6 +407,9 @@ TEST(Caustics, WidthsThatAreNotNearBringNothing) {
     const vec3 at(surface.position);
     const std::uint32_t near = map.near(at);
     EXPECT_EQ(map.radiance(at, near, bsdf, true), map.radiance(at, near | all, bsdf, true));
+    // The floor is matte: the same without a Bsdf.
+    EXPECT_EQ(map.radiance(at, near, bsdf, true),
+              map.radiance(at, near, MatteSurface{vec3(kAlbedo), up, up, up}));
     seen += near != 0 && map.radiance(at, near, bsdf, true).x > 0.0f;
     left += near == 0;
   }
