@@ -104,8 +104,8 @@ void Leader::lose(std::uint32_t machine) {
 
 /// What there is to open. The lock is held.
 void Leader::sendWelcome(std::uint32_t to) {
-  link_.send(to, *welcome_);
-  if (serve_) link_.send(to, *serve_);
+  tell(to, *welcome_);
+  if (serve_) tell(to, *serve_);
 }
 
 Leader::~Leader() {
@@ -192,7 +192,7 @@ void Leader::beginView(std::uint32_t view) {
   for (std::uint32_t i = 1; i < machines_.size(); ++i) {
     ledger_.lose(i);  // until it has set the view up
     photonJobs_.lose(i);
-    if (machines_[i].state == State::kReady) link_.send(i, SetView{view});
+    if (machines_[i].state == State::kReady) tell(i, SetView{view});
   }
 }
 
@@ -201,7 +201,7 @@ void Leader::lightComes(const Session&, std::uint64_t photons) {
   if (!view_) return;
   light_ = LightComes{*view_, photons};
   for (std::uint32_t i = 1; i < machines_.size(); ++i) {
-    if (machines_[i].state == State::kReady) link_.send(i, *light_);
+    if (machines_[i].state == State::kReady) tell(i, *light_);
   }
 }
 
@@ -244,7 +244,7 @@ void Leader::startPass(const Session& session) {
   end_ = tiles.barrier() * std::uint64_t{tiles.tiles().size()};
   ledger_.start(next_, end_, sizesFor(session, link_.size()));
   for (std::uint32_t i = 1; i < machines_.size(); ++i) {
-    if (machines_[i].state == State::kReady) link_.send(i, pass);
+    if (machines_[i].state == State::kReady) tell(i, pass);
   }
   dealAll();
 }
@@ -261,7 +261,7 @@ void Leader::endPass() {
   arrived_.clear();
   ledger_.start(0, 0, {});
   for (std::uint32_t i = 1; i < machines_.size(); ++i) {
-    if (machines_[i].state == State::kReady) link_.send(i, Rest{});
+    if (machines_[i].state == State::kReady) tell(i, Rest{});
   }
 }
 

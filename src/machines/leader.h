@@ -12,6 +12,7 @@
 // once it answers. A machine that says it failed ends the render: its error is thrown by take().
 #pragma once
 
+#include <atomic>
 #include <condition_variable>
 #include <deque>
 #include <map>
@@ -76,7 +77,7 @@ class Leader : public SampleSharer {
   void workFor(MachineListener* listener, const Serve& serve);
   template <class M>
   void send(std::uint32_t to, const M& message) {
-    link_.send(to, message);
+    tell(to, message);
   }
   /// What a machine has said makes no sense: as if it had failed.
   void drop(std::uint32_t machine, const std::string& why);
@@ -137,6 +138,12 @@ class Leader : public SampleSharer {
   void end(const Error& error);
   void forget(std::uint32_t machine);
   void lose(std::uint32_t machine);
+  /// But for the stop: after that a machine takes nothing more, and what is large would wait for
+  /// it.
+  template <class M>
+  void tell(std::uint32_t to, M&& message) {
+    if (!stopped_) link_.send(to, std::forward<M>(message));
+  }
   void sendWelcome(std::uint32_t to);
   void fail(std::uint32_t machine, int code, const std::string& text);
   void greet(std::uint32_t from, const Hello& hello);
@@ -194,7 +201,8 @@ class Leader : public SampleSharer {
   std::deque<std::pair<std::uint32_t, LinkProbe>> probes_;  ///< machines to be measured, in turn
   std::uint32_t probed_ = 0;                                ///< questions
   double pinged_ = 0.0;
-  bool stopped_ = false, finished_ = false, broken_ = false;
+  std::atomic<bool> stopped_ = false;
+  bool finished_ = false, broken_ = false;
   PageServer server_;
   Link link_;  ///< the last: it calls the others
 };

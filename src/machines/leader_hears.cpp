@@ -130,9 +130,9 @@ void Leader::checkReady(std::uint32_t from) {
 void Leader::bringIn(std::uint32_t machine) {
   if (listener_ != nullptr) return listener_->ready(machine);
   if (!view_) return;
-  if (machines_[machine].view != *view_) link_.send(machine, SetView{*view_});
-  if (light_) link_.send(machine, *light_);
-  if (pass_) link_.send(machine, *pass_);
+  if (machines_[machine].view != *view_) tell(machine, SetView{*view_});
+  if (light_) tell(machine, *light_);
+  if (pass_) tell(machine, *pass_);
   if (machines_[machine].view != *view_) return;  // it joins once it says that it has
   ledger_.join(machine);
   dealTo(machine);
@@ -167,7 +167,7 @@ void Leader::serve(std::uint32_t to, Fetch fetch) {
 void Leader::dealTo(std::uint32_t machine) {
   if (machine == 0 || !pass_) return;
   while (const auto job = ledger_.deal(machine, secondsNow())) {
-    link_.send(machine, GiveJob{pass_->number, job->id, job->first, job->end});
+    tell(machine, GiveJob{pass_->number, job->id, job->first, job->end});
   }
 }
 
@@ -195,7 +195,7 @@ void Leader::tick() {
   if (now - pinged_ < kPingSeconds) return;
   pinged_ = now;
   for (std::uint32_t i = 1; i < machines_.size(); ++i) {
-    if (machines_[i].state != State::kGone) link_.send(i, Ping{});
+    if (machines_[i].state != State::kGone) tell(i, Ping{});
   }
 }
 

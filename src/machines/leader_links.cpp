@@ -18,13 +18,13 @@ void Leader::askProbe() {
     const Machine& m = machines_[machine];
     if (m.state == State::kGreeted || m.state == State::kReady) {
       if (const auto bytes = probe.ask(secondsNow())) {
-        link_.send(machine, Probe{++probed_, Bytes(*bytes)});
+        tell(machine, Probe{++probed_, Bytes(*bytes)});
         return;
       }
       machines_[machine].row.link = probe.speed();
       logVerbose("{}: {:.0f} Mbit/s, {:.2f} ms there and back", nameOf(machine),
                  8e-6 * probe.speed().bandwidth, 1e3 * probe.speed().roundTrip);
-      link_.send(machine, LinkFound{probe.speed().roundTrip, probe.speed().bandwidth});
+      tell(machine, LinkFound{probe.speed().roundTrip, probe.speed().bandwidth});
     }
     probes_.pop_front();
   }

@@ -78,14 +78,14 @@ void Leader::answerAt(std::uint32_t machine) {
   if (kept != kept_.end() && is(kept->second.batch())) {
     sendParts(machine, kept->second);
   } else {
-    link_.send(machine, ShootAlone{*view_, m.at->first});
+    tell(machine, ShootAlone{*view_, m.at->first});
   }
   m.at.reset();
 }
 
 void Leader::sendParts(std::uint32_t to, const PhotonParts& parts) {
   for (const auto& [first, part] : parts.parts()) {
-    link_.send(to, Photons{*view_, 0, parts.batch().first, first, part.end, 0.0, part.photons});
+    tell(to, Photons{*view_, 0, parts.batch().first, first, part.end, 0.0, part.photons});
   }
 }
 
@@ -93,7 +93,7 @@ void Leader::dealPhotons(std::uint32_t machine) {
   if (machine == 0 || !batch_) return;
   while (const auto job = photonJobs_.deal(machine, secondsNow())) {
     const PhotonBatch part = photonsOf(*job, batch_->batch());
-    link_.send(machine, ShootPhotons{*view_, job->id, batch_->batch().first, part.first, part.end});
+    tell(machine, ShootPhotons{*view_, job->id, batch_->batch().first, part.first, part.end});
   }
 }
 
@@ -111,7 +111,7 @@ void Leader::takePhotons(std::uint32_t from, Shot shot) {
   const Bytes bytes = link_.size() > 1 ? encode(message) : Bytes();
   for (std::uint32_t i = 1; i < machines_.size(); ++i) {
     const auto& at = machines_[i].at;
-    if (i != from && at && at->first == batch.first && at->end == batch.end) link_.send(i, bytes);
+    if (i != from && at && at->first == batch.first && at->end == batch.end) tell(i, bytes);
   }
   batch_->add(part.first, part.end, message.photons);
   changed_.notify_all();

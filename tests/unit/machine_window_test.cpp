@@ -14,7 +14,7 @@ namespace {
 
 using namespace test_net;
 
-constexpr ModelOptions kOptions{.voxels = true, .voxelsInTheDark = true, .voxelDepth = 5};
+const ModelOptions kOptions{.voxels = true, .voxelsInTheDark = true, .voxelDepth = 5};
 
 RenderSettings windowSettings(double exact, std::uint32_t samples) {
   RenderSettings s = settings(exact, samples);
