@@ -145,7 +145,7 @@ void read(ByteView message, std::uint32_t contents, std::size_t count) {
 int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size < kBefore) return 0;
   try {
-    read(std::as_bytes(std::span(data, size)).subspan(kBefore), data[0] & 127u, data[1]);
+    read(std::as_bytes(std::span(data, size)).subspan(kBefore), data[0], data[1]);
   } catch (const MessageError&) {
     // Expected.
   }

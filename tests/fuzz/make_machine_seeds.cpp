@@ -62,10 +62,10 @@ int main(int argc, char** argv) {
   write("serve", Serve{640, 360, trex::machines::joinArguments({"a.trex", "--spp", "4"})});
   write("edit", Edit{1, 640, 360, R"({"trex": 1, "edits_of": ""})"});
   write("aim", Aim{1, 4096, 77, R"({"trex": 1, "edits_of": "", "light": {"photons": 4096}})"});
-  write("lent", Lent{1, 2, 1, 4096, kPairs | kRays, {{0, 0, 16}, {3, 1, 0}}, {0.0, 0.5}});
+  write("lent", Lent{1, 2, 1, 4096, 0.5, kPairs | kRays, {{0, 0, 16}, {3, 1, 0}}, {0.0, 0.5}});
   std::vector<trex::TakenSample> samples(5);
   samples[1].paired = samples[4].paired = true;
-  for (const std::uint32_t contents : {0u, 1u, 33u, 62u, 63u, 127u}) {
+  for (const std::uint32_t contents : {0u, 1u, 33u, 62u, 63u, 127u, 255u}) {
     Result result;
     result.samples = packSamples(samples, contents);
     write("result" + std::to_string(contents), result, contents, samples.size());
