@@ -87,12 +87,12 @@ class Servers(ViewTest):
         return report
 
     def test_the_same_pictures_after_every_class_of_edit(self):
-        report = self.same_as_alone(2, "--spp", 8)
+        report = self.same_as_alone(2, "--spp", 24)
         for machine in report["machines"][1:]:
             self.assertGreater(machine["model_bytes_sent"], 10000)
 
     def test_the_same_exact_pictures_with_copies_of_the_source(self):
-        report = self.same_as_alone(1, "--spp", 6, "--exact", 1, "--scene-db", "local", "--seed", 3, edits=EDITS[:3],
+        report = self.same_as_alone(1, "--spp", 16, "--exact", 1, "--scene-db", "local", "--seed", 3, edits=EDITS[:3],
                                     model=self.cornell)
         self.assertEqual(report["machines"][1]["model_bytes_sent"], 0)
 
@@ -100,7 +100,7 @@ class Servers(ViewTest):
         sky = self.path("sky.exr")
         subprocess.run([view_test.TREX, "render", self.cornell, "-o", sky, "--size", "16x8", "--spp", "4", "--device", "none"],
                        check=True, capture_output=True)
-        report = self.same_as_alone(1, "--spp", 4, "--exact", 0, "--env", sky, edits=EDITS[4:])
+        report = self.same_as_alone(1, "--spp", 64, "--exact", 0, "--env", sky, edits=EDITS[4:])
         self.assertGreater(report["machines"][1]["samples"], 0)
 
     def start(self, others, steps, *arguments, mpirun=MPIRUN, environment=None):
