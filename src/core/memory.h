@@ -19,7 +19,7 @@ std::uint64_t residentBytes();
 std::uint64_t availableMemoryLimit();
 
 /// Asks for large pages where a block, which nobody has touched yet, holds some: its first use then
-/// takes a third of the time. A hint.
+/// takes less time. A hint.
 void wantLargePages(void* at, std::size_t bytes);
 
 /// Memory that is taken in one piece and used whole, such as that of pictures.

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <utility>
 
 #include "src/frame/features.h"
 #include "src/session/frame_buffers.h"
@@ -20,7 +21,6 @@ class LatticeFeatures {
   bool advance(const std::function<bool()>& keepGoing);
   /// Once advance() is true.
   FeatureImage take() { return std::move(lattice_); }
-  std::uint32_t step() const { return step_; }
 
  private:
   void gather(std::uint32_t x, std::uint32_t y);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "src/session/block_products.h"
 #include "src/session/rows.h"
 
 namespace trex {
@@ -186,38 +187,11 @@ CellWeights<MeasuredCorrection::Shared> MeasuredCorrection::measure(
   return weights;
 }
 
-/// Sum of the squares of the guess's bias, even in blocks of some size: of the products of
-/// different pixels.
+/// Sum of the squares of the guess's bias, even in blocks of some size.
 BiasFigures MeasuredCorrection::biasOf(const std::vector<vec3>& weigh, std::uint32_t size) const {
-  struct Products {
-    double bias = 0.0, doubt = 0.0;
-    void add(const Products& o) {
-      bias += o.bias;
-      doubt += o.doubt;
-    }
-  };
-  const auto all =
-      sumOfRows<Products>((height_ + size - 1) / size, [&](std::uint32_t row, Products& products) {
-        const std::uint32_t top = row * size;
-        for (std::uint32_t left = 0; left < width_; left += size) {
-          vec3 sum(0.0f), own(0.0f), noise(0.0f), w(0.0f);
-          float count = 0.0f;
-          for (std::uint32_t y = top; y < std::min(top + size, height_); ++y) {
-            for (std::uint32_t x = left; x < std::min(left + size, width_); ++x) {
-              const std::size_t i = std::size_t{y} * width_ + x;
-              sum += raw_[i];
-              own += raw_[i] * raw_[i];
-              noise += variance_[i];
-              w += weigh[i];
-              count += 1.0f;
-            }
-          }
-          if (count < 2.0f) continue;
-          const vec3 scale = w / (count * (count - 1.0f));  // of the mean weight, for all pixels
-          products.add({dotOf(scale, sum * sum - own), 2.0 * dotOf(scale * noise, scale * noise)});
-        }
-      });
-  return {all.bias, std::sqrt(all.doubt)};
+  return blockProducts(
+      width_, height_, size, weigh, [&](std::size_t i) { return raw_[i]; },
+      [&](std::size_t i) { return variance_[i]; });
 }
 
 std::vector<vec3> MeasuredCorrection::take(const std::vector<vec3>& picture) {

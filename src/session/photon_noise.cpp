@@ -2,12 +2,12 @@
 
 #include <algorithm>
 
+#include "src/session/block_products.h"
+
 namespace trex {
 namespace {
 
 constexpr std::uint32_t kFirstEstimate = 16;  // samples: before that nobody asks
-
-double channelSum(const vec3& v) { return static_cast<double>(v.x + v.y + v.z); }
 
 }  // namespace
 
@@ -46,25 +46,12 @@ double PhotonNoise::square(std::uint32_t samples, std::span<const vec3> weigh,
   const auto after = std::find_if(lights_.begin() + 1, lights_.end(),
                                   [&](const SampleLight& light) { return light.first >= samples; });
   const double photons = static_cast<double>((after - 1)->photons);
-  const std::uint32_t height = static_cast<std::uint32_t>(pixels_.size() / width_);
-  double all = 0.0;
-  for (std::uint32_t top = 0; top < height; top += side) {
-    for (std::uint32_t left = 0; left < width_; left += side) {
-      vec3 sum(0.0f), own(0.0f), w(0.0f);
-      float count = 0.0f;
-      for (std::uint32_t y = top; y < std::min(top + side, height); ++y) {
-        for (std::uint32_t x = left; x < std::min(left + side, width_); ++x) {
-          const std::size_t i = std::size_t{y} * width_ + x;
-          const vec3 mean = pixels_[i].mean();
-          sum += mean;
-          own += mean * mean;
-          w += weigh[i];
-          count += 1.0f;
-        }
-      }
-      if (count > 1.0f) all += channelSum(w * (sum * sum - own) / (count * (count - 1.0f)));
-    }
-  }
+  const auto height = static_cast<std::uint32_t>(pixels_.size() / width_);
+  const double all =
+      blockProducts(
+          width_, height, side, weigh, [&](std::size_t i) { return pixels_[i].mean(); },
+          [](std::size_t) { return vec3(0.0f); })
+          .square;
   const double older = varianceOfLight(lights_, samples) * photons;
   return std::max(all, 0.0) * older / (3.0 * static_cast<double>(pixels_.size()));
 }
