@@ -89,6 +89,12 @@ std::uint64_t PageCache::leastBytes(const PageTable& table) {
   return most;
 }
 
+bool PageCache::holdsAll() const {
+  std::uint64_t all = 0;
+  for (const PageEntry& page : table_.pages) all += bytesOf(page);
+  return all <= limit_;
+}
+
 bool PageCache::tryPin(Slot& slot) {
   std::int32_t pins = slot.state.load(std::memory_order_relaxed);
   while (pins >= 0)
@@ -297,6 +303,17 @@ float PagedMesh::entry(std::uint32_t group, const PreparedRay& ray) const {
   return t - std::abs(t) * kRounding;
 }
 
+bool PagedMesh::comes(std::uint32_t group, Pin& pin) const {
+  const std::uint32_t page = table_.groups[group].page;
+  if (fetcher_ == nullptr || waits_.load(std::memory_order_relaxed)) {
+    reach(page, pin);
+    return true;
+  }
+  if (reachIfHere(group, pin)) return true;
+  fetcher_->miss(page);
+  return false;
+}
+
 bool PagedMesh::reachIfHere(std::uint32_t group, Pin& pin) const {
   const std::uint32_t page = table_.groups[group].page;
   if (!pin.holds(page)) pin = cache_.pinIfHere(page);
@@ -376,8 +393,26 @@ bool PagedMesh::occluded(std::uint32_t group, PreparedRay& ray, Pin& pin) const 
   return found;
 }
 
+namespace {
+
+/// One that is as good as any other, for who will not use what it leads to.
+Triangle someTriangle() {
+  Triangle t{};
+  t.position[1].x = t.position[2].y = 1.0f;
+  return t;
+}
+
+}  // namespace
+
 Triangle PagedMesh::triangle(std::uint32_t cluster, std::uint32_t index) const {
-  const Pin pin = cache_.pin(cluster / kPageClusters);
+  const std::uint32_t page = cluster / kPageClusters;
+  if (fetcher_ != nullptr && !waits_.load(std::memory_order_relaxed)) {
+    const Pin here = cache_.pinIfHere(page);
+    if (here.holds(page)) return here.mesh().triangle(cluster % kPageClusters, index);
+    fetcher_->miss(page);
+    return someTriangle();
+  }
+  const Pin pin = cache_.pin(page);
   return pin.mesh().triangle(cluster % kPageClusters, index);
 }
 

@@ -18,6 +18,7 @@
 #include <utility>
 #include <vector>
 
+#include "hccmesh/page_fetcher.h"
 #include "hccmesh/pages.h"
 #include "hccmesh/unpacked_pages.h"
 
@@ -87,6 +88,8 @@ class PageCache {
   bool evict(std::uint32_t page);
   Statistics statistics() const;
   std::uint64_t limit() const { return limit_; }
+  /// Whether all pages have room.
+  bool holdsAll() const;
   /// Where the pages lie.
   const PageFile& file() const { return file_; }
   /// Whether pin() takes a page from those that were unpacked before, and needs no packed bytes.
@@ -158,10 +161,22 @@ class PagedMesh {
   /// call. Throws what loadPage() throws.
   bool intersect(std::uint32_t group, PreparedRay& ray, Hit& hit, Pin& pin) const;
   bool occluded(std::uint32_t group, PreparedRay& ray, Pin& pin) const;
-  /// Decodes a triangle of a hit. Throws what loadPage() throws.
+  /// Decodes a triangle of a hit. Throws what loadPage() throws. Where rays do not wait and its
+  /// page has gone it is some triangle, and that page was missed.
   Triangle triangle(std::uint32_t cluster, std::uint32_t index) const;
   /// Where a ray enters a group's box, a little early: t of the direction that it was given with.
   float entry(std::uint32_t group, const PreparedRay& ray) const;
+  /// From now on pages come behind rays that do not wait (page_fetcher.h). To be called once,
+  /// before the first ray.
+  void fetchBehind() { fetcher_ = std::make_unique<PageFetcher>(cache_, table_); }
+  /// Null unless they do.
+  PageFetcher* fetcher() const { return fetcher_.get(); }
+  /// Whether rays, and triangle(), wait for pages that are not there, as they do unless told
+  /// otherwise; without a fetcher they do in any case. Of all threads.
+  void setWaiting(bool waits) const { waits_.store(waits, std::memory_order_relaxed); }
+  /// Pins the page of a group. False if it is not there and rays do not wait: the fetcher knows.
+  /// Throws what loadPage() throws.
+  bool comes(std::uint32_t group, Pin& pin) const;
   /// Whether the page of a group is there, without loading it; then `pin` holds it.
   bool reachIfHere(std::uint32_t group, Pin& pin) const;
   /// Pins a page, to walk over its triangles.
@@ -176,6 +191,8 @@ class PagedMesh {
   std::unique_ptr<PageFile> file_;
   Mesh grid_;
   mutable PageCache cache_;
+  mutable std::atomic<bool> waits_{true};
+  std::unique_ptr<PageFetcher> fetcher_;  ///< the last: it calls the others
 };
 
 }  // namespace hccm

@@ -33,14 +33,17 @@ enum : std::uint32_t { kModelFile, kEnvironmentFile, kFiles };
 
 /// As written, and what that means.
 struct WorkerArguments {
-  std::string device, maxMemory, maxGpuMemory, cache;
+  std::string model, device, maxMemory, maxGpuMemory, cache;
   int threads = 0;
   std::optional<int> deviceNumber;
   std::uint64_t memoryBytes = 0, gpuMemoryBytes = 0, cacheBytes = 0;
 };
 
-/// Throws Error(kUsage).
+/// Throws Error(kUsage), and of a model Error(kInput).
 void read(WorkerArguments& w) {
+  if (!w.model.empty() && !isBundlePath(w.model)) {
+    fail(ExitCode::kUsage, "{}: other machines get bundles alone; bake it", w.model);
+  }
   if (!w.device.empty()) w.deviceNumber = parseDevice(w.device);
   if (!w.maxMemory.empty()) w.memoryBytes = parseBytes(w.maxMemory);
   if (!w.maxGpuMemory.empty()) w.gpuMemoryBytes = parseBytes(w.maxGpuMemory);
@@ -86,6 +89,15 @@ OpenOptions optionsOf(const ViewArguments& a, const std::string& environment,
   return open;
 }
 
+/// Where this machine has the model from.
+Model modelFor(const WorkerArguments& w, const machines::Welcome& welcome, const std::string& input,
+               const OpenOptions& open, machines::Server& server) {
+  if (welcome.local) return openModel(input, open);
+  if (!w.model.empty()) return openBundle(w.model, open);
+  return openRemoteBundle(server.file(welcome.holder, kModelFile, input),
+                          welcome.fileBytes[kModelFile], input, open);
+}
+
 void serve(const WorkerArguments& w, machines::Server& server) {
   catchInterrupts();
   const auto welcome = server.awaitWelcome();
@@ -95,8 +107,11 @@ void serve(const WorkerArguments& w, machines::Server& server) {
   if (!welcome->local && welcome->fileBytes.size() != kFiles) {
     fail(ExitCode::kFailed, "machine 0: has not said which files there are");
   }
+  if (!w.model.empty() && welcome->holder == 0) {
+    fail(ExitCode::kUsage, "{}: the window has a model too; name it once", w.model);
+  }
   const ViewArguments a = windowOf(*window, w);
-  const std::string input = a.viewer.input.string();
+  const std::string input = welcome->holder == 0 ? a.viewer.input.string() : welcome->model;
   LentFiles lent(server, *welcome);
   std::string environment = a.viewer.environment;
   if (!welcome->local && lent.has(kEnvironmentFile)) {
@@ -106,10 +121,7 @@ void serve(const WorkerArguments& w, machines::Server& server) {
   ModelOptions made;
   const OpenOptions open = optionsOf(a, environment, w.cacheBytes, made);
   if (welcome->local) checkSourceFits(input, a.viewer.settings);
-  auto model = std::make_shared<Model>(
-      welcome->local ? openModel(input, open)
-                     : openRemoteBundle(server.file(kModelFile, input),
-                                        welcome->fileBytes[kModelFile], input, open));
+  auto model = std::make_shared<Model>(modelFor(w, *welcome, input, open, server));
   const std::uint64_t digest = machines::windowDigest(welcome->local ? input : std::string());
   auto voxels = std::exchange(model->voxels, nullptr);
   made.voxels = voxels != nullptr;
@@ -126,10 +138,17 @@ void work(WorkerArguments& w) {
   }
   read(w);
   const ThreadLimit limit(w.threads);
-  const auto self = machines::helloOfThis(static_cast<std::uint32_t>(threadsAllowed()));
+  machines::Hello self = machines::helloOfThis(static_cast<std::uint32_t>(threadsAllowed()));
+  std::vector<machines::ServedFile> files;
+  if (!w.model.empty()) {
+    self.modelDigest = bundleDigest(w.model);
+    files.push_back(servedFile(w.model));
+    self.model = w.model;
+    self.modelBytes = files[kModelFile].size;
+  }
   std::unique_ptr<machines::Server> server;
   try {
-    server = std::make_unique<machines::Server>(machines::openMpiWire, self);
+    server = std::make_unique<machines::Server>(machines::openMpiWire, self, std::move(files));
   } catch (const Error& e) {
     throw Error(e.code(), fmt::format("machine {} ({}): {}", started.rank, self.host, e.what()));
   }
@@ -154,6 +173,10 @@ void addWorkerCommand(CLI::App& app) {
   auto w = std::make_shared<WorkerArguments>();
   CLI::App* c = app.add_subcommand(
       "worker", "Trace for a window: mpirun -n 1 trex view MODEL : -n 3 trex worker");
+  c->add_option(
+      "MODEL", w->model,
+      "Bundle (.trex) that the window, and all others, get from this machine: mpirun -n 1 "
+      "trex view : -n 1 trex worker MODEL.trex");
   c->add_option("--threads", w->threads, "CPU threads [all]")->check(CLI::Range(1, 4096));
   c->add_option("--device", w->device,
                 "Vulkan device of the G-rays: number, auto or none [as the window]");

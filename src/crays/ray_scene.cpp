@@ -76,7 +76,10 @@ void intersectGroupCallback(const RTCIntersectFunctionNArguments* args) {
   context.prepare(*traced.paged, traced, ray);
   hccm::Hit hit = bestFor(context, traced.instance);
   try {
-    if (traced.paged->intersect(args->primID, context.prepared, hit, context.pin))
+    if (!traced.paged->comes(args->primID, context.pin)) {
+      context.missed = true;
+      ray.tfar = -kInfinity;
+    } else if (traced.paged->intersect(args->primID, context.prepared, hit, context.pin))
       takeHit(args, context, traced.instance, hit);
   } catch (...) {
     context.failed = std::current_exception();
@@ -91,7 +94,9 @@ void occludedGroupCallback(const RTCOccludedFunctionNArguments* args) {
   auto& ray = *reinterpret_cast<RTCRay*>(args->ray);
   context.prepare(*traced.paged, traced, ray);
   try {
-    if (traced.paged->occluded(args->primID, context.prepared, context.pin)) ray.tfar = -kInfinity;
+    if (!traced.paged->comes(args->primID, context.pin) ||
+        traced.paged->occluded(args->primID, context.prepared, context.pin))
+      ray.tfar = -kInfinity;
   } catch (...) {
     context.failed = std::current_exception();
     ray.tfar = -kInfinity;
@@ -296,7 +301,7 @@ bool RayScene::intersect(const RayStart& start, const vec3& direction, float tne
     rayHit.hit.geomID = rayHit.hit.instID[0] = RTC_INVALID_GEOMETRY_ID;
     rtcIntersect1(impl_->top.scene, &context.embree, &rayHit);
     if (context.failed) readingPages([&] { std::rethrow_exception(context.failed); });
-    if (context.best.cluster == hccm::Hit::kNothing) return false;
+    if (context.missed || context.best.cluster == hccm::Hit::kNothing) return false;
     hit = context.best;
   }
   if (shift != 0.0) hit.t = static_cast<float>(hit.t + shift);
@@ -452,6 +457,11 @@ RayScene::Statistics RayScene::statistics() const { return impl_->statistics; }
 hccm::PageCache::Statistics RayScene::pageStatistics() const {
   if (!impl_->parts.paged) return {};
   return impl_->parts.paged->statistics();
+}
+
+std::uint64_t RayScene::missed() const {
+  const hccm::PagedMesh* paged = impl_->parts.paged.get();
+  return paged != nullptr && paged->fetcher() != nullptr ? paged->fetcher()->misses() : 0;
 }
 const RayScene::Parts& RayScene::parts() const { return impl_->parts; }
 void RayScene::setVisibility(const Visibility& visibility) { impl_->visibility = visibility; }

@@ -229,6 +229,9 @@ class RayScene {
   Statistics statistics() const;
   /// What the pages did so far; all zero without a paged mesh.
   hccm::PageCache::Statistics pageStatistics() const;
+  /// Rays so far whose answer is of no use: they met a page that is not there and did not wait
+  /// (hccm::PagedMesh::setWaiting()). Such a ray has hit nothing, or is blocked.
+  std::uint64_t missed() const;
   const Parts& parts() const;
 
   /// What rays see from now on. Not to be called while rays are traced. bounds() stays that of all.

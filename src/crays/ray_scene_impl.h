@@ -64,6 +64,7 @@ struct TraceContext {
   const Placement* world;
   hccm::PagedMesh::Pin pin;   // the page that was visited last
   std::exception_ptr failed;  // it can't pass through Embree
+  bool missed = false;        // a page that is not there, of a ray that does not wait
   // Of a ray that does not wait for pages here (ray_scene_waiting.cpp): its own ends, since those
   // of Embree's ray are closer together. Null: pages are loaded.
   WaitingRay* waits = nullptr;

@@ -52,6 +52,11 @@ Leader::Leader(const Link::MakeWire& make, const Hello& self)
     : self_(self),
       ledger_(0),
       photonJobs_(0),
+      remote_([this](std::uint32_t to, Bytes question) { link_.send(to, std::move(question)); },
+              [this](std::uint32_t machine) {
+                const std::lock_guard lock(mutex_);
+                return machines_[machine].row.link;
+              }),
       server_([this](std::uint32_t to, Bytes answer) { link_.send(to, std::move(answer)); },
               [this](const Error& e) { end(e); }),
       link_(make) {
@@ -68,6 +73,7 @@ Leader::Leader(const Link::MakeWire& make, const Hello& self)
        .lost = [this](std::uint32_t machine) { forget(machine); },
        .broken =
            [this](const Error& e) {
+             remote_.broken(e);
              {
                const std::lock_guard lock(mutex_);
                broken_ = true;
@@ -102,12 +108,6 @@ void Leader::lose(std::uint32_t machine) {
   if (listener_ != nullptr) listener_->lost(machine);
 }
 
-/// What there is to open. The lock is held.
-void Leader::sendWelcome(std::uint32_t to) {
-  tell(to, *welcome_);
-  if (serve_) tell(to, *serve_);
-}
-
 Leader::~Leader() {
   stop();
   finish(static_cast<int>(ExitCode::kFailed));
@@ -122,6 +122,12 @@ void Leader::forget(std::uint32_t machine) {
   m.at.reset();
   dropProbeOf(machine);
   lose(machine);
+  const bool holds = welcome_ && welcome_->holder == machine;
+  remote_.lose(machine,
+               Error(ExitCode::kFailed, fmt::format("{}{} has ended", nameOf(machine),
+                                                    holds ? ", which has the model," : "")));
+  if (listener_ != nullptr)
+    listener_->failed(machine, fmt::format("{} has ended", nameOf(machine)));
   if (!stopped_) logWarning("{}: has ended; others take its jobs", nameOf(machine));
   dealAll();
   changed_.notify_all();
@@ -135,20 +141,6 @@ std::string Leader::nameOf(std::uint32_t machine) const {
 
 void Leader::throwIfFailed() const {
   if (failure_) throw Error(*failure_);
-}
-
-void Leader::welcome(bool local, bool baked, std::vector<ServedFile> files) {
-  const std::lock_guard lock(mutex_);
-  Welcome w;
-  w.local = local;
-  w.baked = baked;
-  w.window = serve_.has_value();
-  for (const ServedFile& f : files) w.fileBytes.push_back(f.size);
-  server_.setFiles(std::move(files));
-  welcome_ = w;
-  for (std::uint32_t i = 1; i < machines_.size(); ++i) {
-    if (machines_[i].state == State::kGreeted) sendWelcome(i);
-  }
 }
 
 void Leader::expect(std::uint64_t digest) {
@@ -353,13 +345,29 @@ std::uint64_t Leader::jobsAgain() const {
 
 void Leader::stop() {
   server_.stop();  // after Stop nobody takes what it would send
+  remote_.stop();
   std::unique_lock lock(mutex_);
   if (stopped_) return;
   stopped_ = true;
-  for (std::uint32_t i = 1; i < machines_.size(); ++i) link_.send(i, Stop{});
+  // Who has the model is the last: it answers what the others have asked it for.
+  const std::uint32_t holder = welcome_ ? welcome_->holder : 0;
+  for (std::uint32_t i = 1; i < machines_.size(); ++i) {
+    if (i != holder) link_.send(i, Stop{});
+  }
+  awaitGoodbyes(lock, false);
+  if (holder == 0) return;
+  link_.send(holder, Stop{});
+  awaitGoodbyes(lock, true);
+}
+
+void Leader::awaitGoodbyes(std::unique_lock<std::mutex>& lock, bool ofHolder) {
+  const std::uint32_t holder = welcome_ ? welcome_->holder : 0;
   changed_.wait_for(lock, std::chrono::duration<double>(kEndSeconds), [&] {
-    return broken_ || std::all_of(machines_.begin() + 1, machines_.end(),
-                                  [](const Machine& m) { return m.state == State::kGone; });
+    if (broken_) return true;
+    for (std::uint32_t i = 1; i < machines_.size(); ++i) {
+      if (machines_[i].state != State::kGone && (i != holder || ofHolder)) return false;
+    }
+    return remote_.outstanding() == 0;
   });
 }
 

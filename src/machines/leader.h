@@ -27,6 +27,7 @@
 #include "src/machines/link_probe.h"
 #include "src/machines/page_server.h"
 #include "src/machines/photon_parts.h"
+#include "src/machines/remote_files.h"
 #include "src/machines/window_messages.h"
 #include "src/session/taken_samples.h"
 
@@ -49,6 +50,8 @@ struct MachineRow {
   std::uint64_t servedBytes = 0;  ///< of the model, sent to it
   std::uint64_t peakBytes = 0;    ///< resident; 0 before its first result
   LinkSpeed link;                 ///< between it and machine 0
+  std::string model;              ///< that it serves, as Hello
+  std::uint64_t modelBytes = 0, modelDigest = 0;
 };
 
 /// Who gives machines other work than that of a render (servers.h). Called with the leader's lock
@@ -62,6 +65,10 @@ class MachineListener {
   virtual void lost(std::uint32_t machine) = 0;
   virtual void result(std::uint32_t machine, Result result) = 0;
   virtual void lit(std::uint32_t machine, const Lit& lit) = 0;
+  /// Photons, which have been checked.
+  virtual void shot(std::uint32_t machine, Shot shot) = 0;
+  /// It will not be ready again; after lost().
+  virtual void failed(std::uint32_t machine, const std::string& why) = 0;
 };
 
 /// Used by one thread, but for what it hears.
@@ -85,6 +92,12 @@ class Leader : public SampleSharer {
   /// What all others are to open: the model they have themselves, or the first of `files`, which is
   /// a bundle: `baked`, or made for this.
   void welcome(bool local, bool baked, std::vector<ServedFile> files);
+  /// The same of a bundle that another machine serves, in the place of the first of `files`.
+  void welcomeTo(std::uint32_t holder, std::vector<ServedFile> files);
+  /// A file that another machine serves: RemoteFiles::file().
+  std::unique_ptr<hccm::PageFile> file(std::uint32_t machine, std::uint32_t number);
+  /// Nothing is read from others any more: RemoteFiles::stop().
+  void leaveFiles() { remote_.stop(); }
   /// What they must have opened: another digest of theirs is an error.
   void expect(std::uint64_t digest);
   /// Waits until all have greeted, or opened what they are to open; but for those that don't
@@ -145,6 +158,9 @@ class Leader : public SampleSharer {
     if (!stopped_) link_.send(to, std::forward<M>(message));
   }
   void sendWelcome(std::uint32_t to);
+  void welcomeAll(const Welcome& welcome, std::vector<ServedFile> files);
+  bool hearOfFiles(std::uint32_t from, Kind kind, ByteView body);
+  void awaitGoodbyes(std::unique_lock<std::mutex>& lock, bool ofHolder);
   void fail(std::uint32_t machine, int code, const std::string& text);
   void greet(std::uint32_t from, const Hello& hello);
   void checkReady(std::uint32_t from);
@@ -203,6 +219,7 @@ class Leader : public SampleSharer {
   double pinged_ = 0.0;
   std::atomic<bool> stopped_ = false;
   bool finished_ = false, broken_ = false;
+  RemoteFiles remote_;
   PageServer server_;
   Link link_;  ///< the last: it calls the others
 };

@@ -12,7 +12,7 @@ constexpr double kPingSeconds = 1.0;
 }  // namespace
 
 void Leader::hear(std::uint32_t from, Kind kind, ByteView body) {
-  if (kind == Kind::kFetch) return serve(from, decode<Fetch>(body));
+  if (hearOfFiles(from, kind, body)) return;
   const std::lock_guard lock(mutex_);
   Machine& m = machines_[from];
   m.heard = secondsNow();
@@ -86,6 +86,8 @@ void Leader::fail(std::uint32_t machine, int code, const std::string& text) {
                      fmt::format("{}: {}", nameOf(machine), text));
   }
   lose(machine);
+  if (listener_ != nullptr)
+    listener_->failed(machine, fmt::format("{}: {}", nameOf(machine), text));
   changed_.notify_all();
 }
 
@@ -94,6 +96,9 @@ void Leader::greet(std::uint32_t from, const Hello& hello) {
   m.row.host = hello.host;
   m.row.threads = hello.threads;
   m.row.instructions = hello.instructions;
+  m.row.model = hello.model;
+  m.row.modelBytes = hello.modelBytes;
+  m.row.modelDigest = hello.modelDigest;
   m.state = State::kGreeted;
   if (const std::string why = whyUnfit(self_, hello); !why.empty()) {
     fail(from, static_cast<int>(ExitCode::kFailed), why);
@@ -154,14 +159,6 @@ void Leader::takeResult(std::uint32_t from, Result result) {
                                          std::move(result.samples)});
   }
   dealTo(from);
-}
-
-/// Deals and results go on while the file is read.
-void Leader::serve(std::uint32_t to, Fetch fetch) {
-  const std::uint64_t bytes = server_.ask(to, std::move(fetch));
-  const std::lock_guard lock(mutex_);
-  machines_[to].heard = secondsNow();
-  machines_[to].row.servedBytes += bytes;
 }
 
 void Leader::dealTo(std::uint32_t machine) {

@@ -120,6 +120,7 @@ void Leader::takePhotons(std::uint32_t from, Shot shot) {
 /// By the link's thread; the lock is held.
 void Leader::hearShot(std::uint32_t from, Shot shot) {
   checkPhotons(shot.photons, shot.first, shot.end);
+  if (listener_ != nullptr) return listener_->shot(from, std::move(shot));
   if (!batch_ || shot.view != view_ || shot.batch != batch_->batch().first) return;
   if (!(shot.seconds >= 0.0 && shot.seconds < 1e9)) shot.seconds = 0.0;
   takePhotons(from, std::move(shot));

@@ -40,7 +40,7 @@ Kind openMessage(ByteView message, ByteView& body) {
     throw MessageError("its checksum is wrong");
   }
   if (head.kind < static_cast<std::uint16_t>(Kind::kHello) ||
-      head.kind > static_cast<std::uint16_t>(Kind::kLent)) {
+      head.kind > static_cast<std::uint16_t>(kLastKind)) {
     throw MessageError("it is of no kind that is known");
   }
   return static_cast<Kind>(head.kind);

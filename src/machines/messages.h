@@ -26,7 +26,7 @@
 namespace trex::machines {
 
 inline constexpr std::uint32_t kMagic = 0x4d585254u;  // "TRXM"
-inline constexpr std::uint16_t kProtocol = 3;
+inline constexpr std::uint16_t kProtocol = 4;
 inline constexpr std::size_t kHeadBytes = 24;
 /// No message is longer; who receives one asks before it takes the memory.
 inline constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 28;
@@ -46,7 +46,7 @@ enum class Kind : std::uint16_t {
   kReady,      ///< the model is open
   kSet,        ///< the view is set up
   kResult,     ///< samples of a job
-  kFetch,      ///< parts of files are wanted
+  kFetch,      ///< parts of files are wanted; to any machine that serves some
   kAtPhotons,  ///< a batch of photons is wanted
   kShot,       ///< some photons of it
   kProbed,     ///< the bytes of kProbe are here
@@ -75,7 +75,10 @@ enum class Kind : std::uint16_t {
   kEdit,   ///< another look, or another size: what was asked for before is void
   kAim,    ///< light that samples will read
   kLent,   ///< units of tiles to take
+  // To whoever has sent kFetch:
+  kNoPart,  ///< why there is no kPart
 };
+inline constexpr Kind kLastKind = Kind::kNoPart;
 
 struct Hello {
   static constexpr Kind kKind = Kind::kHello;
@@ -83,9 +86,13 @@ struct Hello {
   std::uint64_t build = 0;         ///< hash of the program's file
   std::uint64_t instructions = 0;  ///< of the processor, as src/machines knows them
   std::uint32_t threads = 0;
+  std::string model{};            ///< a bundle that it serves as file 0; empty: none
+  std::uint64_t modelBytes = 0;   ///< of its file
+  std::uint64_t modelDigest = 0;  ///< bundleDigest()
   template <class F>
   void fields(F&& f) {
     f(version), f(host), f(build), f(instructions), f(threads);
+    f(model), f(modelBytes), f(modelDigest);
   }
 };
 
@@ -95,9 +102,11 @@ struct Welcome {
   std::uint8_t baked = 0;                ///< the model is a bundle; else it was made for this
   std::vector<std::uint64_t> fileBytes;  ///< of files that kFetch names by their place here
   std::uint8_t window = 0;               ///< machine 0 has one: kServe follows
+  std::uint32_t holder = 0;              ///< the machine that serves the first of these
+  std::string model{};                   ///< its name there, if that is not machine 0
   template <class F>
   void fields(F&& f) {
-    f(local), f(baked), f(fileBytes), f(window);
+    f(local), f(baked), f(fileBytes), f(window), f(holder), f(model);
   }
 };
 
@@ -217,6 +226,17 @@ struct Part {
   template <class F>
   void fields(F&& f) {
     f(number), f(bytes);
+  }
+};
+
+struct NoPart {
+  static constexpr Kind kKind = Kind::kNoPart;
+  std::uint64_t number = 0;  ///< of the question
+  std::int32_t code = 1;     ///< as Failed
+  std::string text;
+  template <class F>
+  void fields(F&& f) {
+    f(number), f(code), f(text);
   }
 };
 

@@ -74,7 +74,9 @@ void PageServer::work() {
     try {
       send_(question.from, answerTo(question));
     } catch (const Error& e) {
-      failed_(e);
+      if (failed_) failed_(e);
+      send_(question.from,
+            encode(NoPart{question.fetch.number, static_cast<std::int32_t>(e.code()), e.what()}));
     }
     lock.lock();
   }

@@ -1,4 +1,4 @@
-// Threads of machine 0 that read parts of its files for the others, several questions at once, so
+// Threads of a machine that read parts of its files for the others, several questions at once, so
 // that who deals jobs waits for no disk.
 #pragma once
 
@@ -26,9 +26,9 @@ struct ServedFile {
 /// Thread safe.
 class PageServer {
  public:
-  /// `send` gets answers, by any thread; `failed` what a file threw.
+  /// `send` gets answers, by any thread, also of what can't be read; `failed` what a file threw.
   PageServer(std::function<void(std::uint32_t to, Bytes answer)> send,
-             std::function<void(const Error& error)> failed);
+             std::function<void(const Error& error)> failed = {});
   ~PageServer() { stop(); }
   PageServer(const PageServer&) = delete;
   PageServer& operator=(const PageServer&) = delete;

@@ -1,5 +1,7 @@
 #include "src/machines/server.h"
 
+#include <algorithm>
+
 #include "src/core/clock.h"
 #include "src/core/hash.h"
 #include "src/frame/lattice.h"
@@ -13,6 +15,7 @@ constexpr std::size_t kMostLentUnits = 1u << 16;    // of a loan that is no mist
 constexpr std::uint32_t kMostSide = 1u << 15;       // of a window
 constexpr std::uint64_t kMostPixels = 1u << 27;     // likewise
 constexpr std::uint32_t kMostNumber = 0x7fffffffu;  // likewise, of a pixel
+constexpr std::uint64_t kSentPhotons = 1u << 11;    // divides all batches of guides
 
 /// A session that makes no picture of its own; what samples are is the window's.
 RenderSettings withoutWindow(RenderSettings s) {
@@ -137,8 +140,26 @@ void Server::startLight(Window& window) {
   LookLight light;
   parseLook(window.aim->aim, "the light of machine 0", editor.model().scene, editor.source(),
             &light);
+  session.sharePhotons(window.aim->send != 0 ? this : nullptr);
   session.startLight(light.aim);
-  window.light = window.aim->light;
+  window.light = shotLight_ = window.aim->light;
+}
+
+/// In parts that no batch of the window's cuts, so that they travel while the next ones are shot.
+std::optional<ShotPhotons> Server::shoot(const PhotonBatch& batch, const ShootHere& here,
+                                         const std::function<bool()>& keepGoing) {
+  ShotPhotons all;
+  for (std::uint64_t first = batch.first; first < batch.end;) {
+    const std::uint64_t end = std::min(batch.end, (first / kSentPhotons + 1) * kSentPhotons);
+    if (!keepGoing()) return {};
+    auto shot = here(first, end);
+    if (!shot) return {};
+    all.records.insert(all.records.end(), shot->records.begin(), shot->records.end());
+    all.lessons.insert(all.lessons.end(), shot->lessons.begin(), shot->lessons.end());
+    tell(Shot{shotLight_, 0, batch.first, first, end, 0.0, std::move(*shot)});
+    first = end;
+  }
+  return all;
 }
 
 void Server::take(Window& window, const Lent& lent, std::uint32_t begun) {
@@ -158,13 +179,14 @@ void Server::take(Window& window, const Lent& lent, std::uint32_t begun) {
   }
   std::vector<TileUnit> units;
   for (const LentUnit& unit : lent.units) {
-    if (unit.tile >= tiles || unit.sample > kMostNumber || unit.firstCell >= lattice::kCells) {
+    if (unit.tile >= tiles || unit.sample > kMostNumber || unit.firstCell >= unit.endCell ||
+        unit.endCell > lattice::kCells) {
       throw MessageError("a loan has a unit that there is not");
     }
     units.push_back({.tile = unit.tile,
                      .sample = unit.sample,
                      .firstCell = unit.firstCell,
-                     .endCell = lattice::kCells});
+                     .endCell = unit.endCell});
   }
   for (std::size_t i = 0; i < lent.shares.size(); ++i) {
     if (!(lent.shares[i] >= 0.0 && lent.shares[i] <= 1.0))

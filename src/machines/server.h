@@ -22,6 +22,9 @@ class Server : public Worker {
   /// where every sample is exact; `options`: it was made with these; `settings`: the window's.
   void run(std::shared_ptr<Model> model, std::shared_ptr<asvo::Tree> voxels,
            const ModelOptions& options, RenderSettings settings, std::uint64_t digest);
+  /// Here, and sends them to a window that wants them.
+  std::optional<ShotPhotons> shoot(const PhotonBatch& batch, const ShootHere& here,
+                                   const std::function<bool()>& keepGoing) override;
 
  private:
   struct Window;
@@ -30,6 +33,8 @@ class Server : public Worker {
   void goOnWithLight(Window& window);
   void startLight(Window& window);
   void take(Window& window, const Lent& lent, std::uint32_t begun);
+
+  std::uint32_t shotLight_ = 0;  ///< number of the light whose photons are shot
 };
 
 /// Of what machines open that have their own copies of a model, or of none. Throws Error(kInput).

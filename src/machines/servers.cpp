@@ -24,7 +24,9 @@ std::uint32_t contentsFor(const Session& session) {
 /// Samples of a unit.
 std::uint64_t samplesOf(const Tile& tile, const TileUnit& unit) {
   std::uint64_t count = 0;
-  if (unit.firstCell == 0) return std::uint64_t{tile.width} * tile.height;
+  if (unit.firstCell == 0 && unit.endCell == lattice::kCells) {
+    return std::uint64_t{tile.width} * tile.height;
+  }
   for (std::uint32_t cell = unit.firstCell; cell < unit.endCell; ++cell) {
     const lattice::Place at = lattice::kPlaces[cell];
     const auto along = [](std::uint32_t side, std::uint32_t first) {
@@ -56,13 +58,43 @@ void Servers::welcome(bool local, std::vector<ServedFile> files, const Serve& se
   leader_.expect(digest);
 }
 
+std::uint32_t Servers::findHolder(const std::function<bool()>& keepGoing) {
+  leader_.waitForGreetings(keepGoing);
+  const std::vector<MachineRow> rows = leader_.rows();
+  const auto nameOf = [&](std::uint32_t i) {
+    return fmt::format("machine {} ({}): {}", i, rows[i].host, rows[i].model);
+  };
+  std::uint32_t holder = 0;
+  for (std::uint32_t i = 1; i < rows.size(); ++i) {
+    if (rows[i].model.empty()) continue;
+    if (holder == 0) holder = i;
+    if (rows[i].modelDigest == rows[holder].modelDigest) continue;
+    fail(ExitCode::kUsage, "two machines have different models, {} and {}; name one",
+         nameOf(holder), nameOf(i));
+  }
+  if (holder != 0) return holder;
+  fail(ExitCode::kUsage,
+       "trex view under mpirun: name the model, here or at the machine that has it: mpirun -n 1 "
+       "trex view : -n 1 trex worker MODEL.trex");
+}
+
+void Servers::welcomeTo(std::uint32_t holder, std::vector<ServedFile> files, const Serve& serve) {
+  {
+    const std::lock_guard lock(mutex_);
+    holder_ = holder;
+  }
+  leader_.workFor(this, serve);
+  leader_.welcomeTo(holder, std::move(files));
+  leader_.expect(0);
+}
+
 // ---- what is heard, by the link's thread ----
 
 void Servers::ready(std::uint32_t machine) {
   const std::lock_guard lock(mutex_);
   machines_[machine].ready = true;
   if (edit_) leader_.send(machine, *edit_);
-  if (aim_) leader_.send(machine, *aim_);
+  if (aim_) sendAim(machine);
 }
 
 void Servers::lost(std::uint32_t machine) {
@@ -93,6 +125,11 @@ std::uint32_t Servers::readyMachines() const {
       std::count_if(machines_.begin(), machines_.end(), [](const Machine& m) { return m.ready; }));
 }
 
+bool Servers::takesAll() const {
+  const std::lock_guard lock(mutex_);
+  return holder_ != 0 && problem_.empty();
+}
+
 void Servers::edited(const std::string& overlay, std::uint32_t width, std::uint32_t height) {
   loans_.clear();
   const std::lock_guard lock(mutex_);
@@ -110,10 +147,18 @@ void Servers::lightComes(const Session& session, std::uint64_t photons) {
   // Of the overlay only the light counts.
   const Look none;
   const std::string text = lookText(none, Scene{}, none, {photons, light.aim()});
-  aim_ = Aim{light.number(), photons, light.presentVoxels()->info.leafCount, text};
+  if (!aim_ || aim_->light != light.number()) shots_.clear();
+  aim_ = Aim{light.number(), photons, light.presentVoxels()->info.leafCount, text, light.shared()};
   for (std::uint32_t i = 1; i < machines_.size(); ++i) {
-    if (machines_[i].ready) leader_.send(i, *aim_);
+    if (machines_[i].ready) sendAim(i);
   }
+}
+
+/// One machine sends its photons. The lock is held.
+void Servers::sendAim(std::uint32_t machine) {
+  Aim aim = *aim_;
+  if (machine != holder_) aim.send = 0;
+  leader_.send(machine, aim);
 }
 
 void Servers::exchange(Session& session, const std::function<bool()>& keepGoing) {
@@ -124,13 +169,15 @@ void Servers::exchange(Session& session, const std::function<bool()>& keepGoing)
 }
 
 bool Servers::await(Session& session, const std::function<bool()>& keepGoing) {
-  if (loans_.empty()) return false;
-  {
+  const bool lacksPages = session.buffers().tiles.pagesAwaited() > 0;
+  if (loans_.empty() && !lacksPages) return false;
+  if (!loans_.empty()) {
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, kAwait, [&] { return !arrived_.empty() || !lost_.empty(); });
   }
-  visit(session, keepGoing, true);
-  return true;
+  // What lacks pages can't be traced here either.
+  visit(session, keepGoing, !lacksPages);
+  return !loans_.empty();
 }
 
 void Servers::visit(Session& session, const std::function<bool()>& keepGoing, bool hurry) {
@@ -217,17 +264,25 @@ void Servers::lendAll(Session& session) {
     }
   }
   const TileScheduler& tiles = session.buffers().tiles;
+  // What is not traced here for want of pages comes first, an equal part of it to each.
+  const std::size_t lacking = tiles.coarseTilesToLend();
+  for (std::size_t i = 0; lacking > 0 && i < who.size(); ++i) {
+    lendTo(session, who[i], (lacking + who.size() - 1) / who.size(),
+           [&] { return session.lendCoarse(); });
+  }
+  const auto best = [&] { return session.lend(); };
   for (std::uint32_t turn = 0; turn < Loans::kAtOnce; ++turn) {
     for (const std::uint32_t machine : who) {
       // An equal part of half of what nobody has: the last ones of a pass come back together.
       const std::size_t free = tiles.freeTiles();
-      if (free < 2 || !lendTo(session, machine, free / (2 * (who.size() + 1)))) return;
+      if (free < 2 || !lendTo(session, machine, free / (2 * (who.size() + 1)), best)) return;
     }
   }
 }
 
 /// False if there is nothing to lend.
-bool Servers::lendTo(Session& session, std::uint32_t machine, std::size_t mostTiles) {
+bool Servers::lendTo(Session& session, std::uint32_t machine, std::size_t mostTiles,
+                     const std::function<std::optional<TileUnit>()>& next) {
   const std::uint64_t wanted = loans_.wanted(machine, kLoanVisits * between_);
   if (wanted == 0) return true;
   const bool reads = session.readsLight();
@@ -240,11 +295,11 @@ bool Servers::lendTo(Session& session, std::uint32_t machine, std::size_t mostTi
   std::vector<TileUnit> units;
   std::uint64_t samples = 0;
   while (samples < std::min(wanted, kMostLent) && (units.empty() || units.size() < mostTiles)) {
-    const auto unit = session.lend();
+    const auto unit = next();
     if (!unit) break;
     units.push_back(*unit);
     samples += samplesOf(tiles[unit->tile], *unit);
-    lent.units.push_back({unit->tile, unit->sample, unit->firstCell});
+    lent.units.push_back({unit->tile, unit->sample, unit->firstCell, unit->endCell});
     if (const Dial* dial = session.buffers().dial.get()) {
       lent.shares.push_back(dial->share(unit->tile, unit->sample));
     }

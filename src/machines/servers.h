@@ -24,7 +24,7 @@
 namespace trex::machines {
 
 /// Used by one thread, but for what it hears.
-class Servers : public SampleHelper, private MachineListener {
+class Servers : public SampleHelper, public PhotonSharer, private MachineListener {
  public:
   /// Starts to listen. Throws Error.
   Servers(const Link::MakeWire& make, const Hello& self);
@@ -36,12 +36,30 @@ class Servers : public SampleHelper, private MachineListener {
   /// Leader::expect().
   void welcome(bool local, std::vector<ServedFile> files, const Serve& serve, std::uint64_t digest);
 
+  /// The machine that has a model for the window: waits until all have greeted. Several may have
+  /// the same. Throws Error(kUsage) if none has one, or two have different ones.
+  std::uint32_t findHolder(const std::function<bool()>& keepGoing);
+  /// As welcome(), of a bundle that another machine has, in the place of the first of `files`.
+  void welcomeTo(std::uint32_t holder, std::vector<ServedFile> files, const Serve& serve);
+  /// That bundle, read while this is there.
+  std::unique_ptr<hccm::PageFile> model(std::uint32_t holder) { return leader_.file(holder, 0); }
+  /// Nothing is read from others any more: reads throw Error(kInterrupted).
+  void leaveFiles() { leader_.leaveFiles(); }
+
   std::uint32_t machines() const override { return leader_.machines() - 1; }
   std::uint32_t readyMachines() const override;
+  bool takesAll() const override;
   void edited(const std::string& overlay, std::uint32_t width, std::uint32_t height) override;
   void lightComes(const Session& session, std::uint64_t photons) override;
   void exchange(Session& session, const std::function<bool()>& keepGoing) override;
   bool await(Session& session, const std::function<bool()>& keepGoing) override;
+
+  /// Photons of the machine that has the model, for a window that has no room for all of its pages:
+  /// to be shared by the window's session. Waits as keepGoing lets it. Throws Error(kFailed) if
+  /// that machine shoots none.
+  std::optional<ShotPhotons> shoot(const PhotonBatch& batch, const ShootHere& here,
+                                   const std::function<bool()>& keepGoing) override;
+  bool shootsAll() const override { return true; }
 
   /// By machine; work.units are samples, work.twice is not counted.
   std::vector<MachineRow> rows() const;
@@ -67,12 +85,16 @@ class Servers : public SampleHelper, private MachineListener {
   void lost(std::uint32_t machine) override;
   void result(std::uint32_t machine, Result result) override;
   void lit(std::uint32_t machine, const Lit& lit) override;
+  void shot(std::uint32_t machine, Shot shot) override;
+  void failed(std::uint32_t machine, const std::string& why) override;
+  void sendAim(std::uint32_t machine);
   void visit(Session& session, const std::function<bool()>& keepGoing, bool hurry);
   void add(Session& session, const std::function<bool()>& keepGoing);
   bool addOne(Session& session, const Arrived& arrived);
   void takeBack(Session& session, bool hurry);
   void lendAll(Session& session);
-  bool lendTo(Session& session, std::uint32_t machine, std::size_t mostTiles);
+  bool lendTo(Session& session, std::uint32_t machine, std::size_t mostTiles,
+              const std::function<std::optional<TileUnit>()>& next);
 
   mutable std::mutex mutex_;
   std::condition_variable changed_;
@@ -81,6 +103,9 @@ class Servers : public SampleHelper, private MachineListener {
   std::vector<std::uint32_t> lost_;  ///< machines, whose loans are not taken back yet
   std::optional<Edit> edit_;
   std::optional<Aim> aim_;
+  std::uint32_t holder_ = 0;  ///< the machine that has the model; 0: this one, or all
+  std::string problem_;       ///< why that takes no part
+  std::deque<Shot> shots_;    ///< that it has sent, of the light of now
   // Of the window's thread:
   Loans loans_;
   std::uint32_t edits_ = 0, frame_ = 0;

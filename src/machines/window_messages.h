@@ -35,9 +35,10 @@ struct Aim {
   std::uint64_t photons = 0;  ///< of it
   std::uint64_t leaves = 0;   ///< of its voxels
   std::string aim;            ///< where photons go: the "light" of an overlay
+  std::uint8_t send = 0;  ///< the window wants those that are shot: kShot, whose view is `light`
   template <class F>
   void fields(F&& f) {
-    f(light), f(photons), f(leaves), f(aim);
+    f(light), f(photons), f(leaves), f(aim), f(send);
   }
 };
 
@@ -51,9 +52,9 @@ struct Lit {
   }
 };
 
-/// From a cell to the end of one sample of a tile.
+/// Cells [firstCell, endCell) of one sample of a tile.
 struct LentUnit {
-  std::uint32_t tile = 0, sample = 0, firstCell = 0;
+  std::uint32_t tile = 0, sample = 0, firstCell = 0, endCell = 0;
 };
 
 struct Lent {

@@ -11,7 +11,6 @@
 namespace trex::machines {
 namespace {
 
-constexpr std::uint32_t kPartBytes = 4u << 20;  // of a file, asked for at once
 constexpr std::uint64_t kMostUnits = 1u << 20;  // of a job that is no mistake
 
 /// The settings of a session that makes no picture of its own.
@@ -34,74 +33,66 @@ struct Worker::Work {
   std::optional<Pass> pass;
 };
 
-/// A file of machine 0, whose parts are asked for as they are read.
-class Worker::RemoteFile : public hccm::PageFile {
- public:
-  RemoteFile(Worker& worker, std::uint32_t file, std::string name)
-      : worker_(worker), file_(file), name_(std::move(name)) {}
-  void read(std::uint64_t offset, std::span<std::byte> out) const override {
-    while (!out.empty()) {
-      const auto part = out.first(std::min<std::size_t>(out.size(), kPartBytes));
-      const hccm::FilePart one{offset, part};
-      worker_.read(file_, {&one, 1});
-      offset += part.size();
-      out = out.subspan(part.size());
-    }
-  }
-  /// Of pages.
-  void readAll(std::span<const hccm::FilePart> parts) const override {
-    while (!parts.empty()) {
-      std::size_t count = 0;
-      for (std::size_t bytes = 0; count < parts.size(); ++count) {
-        bytes += parts[count].out.size();
-        if (bytes > kPartBytes) break;
-      }
-      if (count == 0) {
-        read(parts[0].offset, parts[0].out);
-        count = 1;
-      } else {
-        worker_.read(file_, parts.first(count));
-      }
-      parts = parts.subspan(count);
-    }
-  }
-  unsigned partsAtOnce() const override { return pagesAtOnce(worker_.linkSpeed()); }
-  hccm::FileSpeed speed() const override {
-    const LinkSpeed link = worker_.linkSpeed();
-    return {link.roundTrip, link.bandwidth};
-  }
-  void readAhead(std::uint64_t, std::uint64_t) const override {}
-  std::string place(std::uint64_t offset) const override {
-    return fmt::format("{} of machine 0, byte {}", name_, offset);
-  }
-
- private:
-  Worker& worker_;
-  std::uint32_t file_;
-  std::string name_;
-};
-
-Worker::Worker(const Link::MakeWire& make, const Hello& self) : link_(make) {
+Worker::Worker(const Link::MakeWire& make, const Hello& self, std::vector<ServedFile> files)
+    : remote_([this](std::uint32_t to, Bytes question) { link_.send(to, std::move(question)); },
+              [this](std::uint32_t) { return linkSpeed(); }),
+      server_([this](std::uint32_t to, Bytes answer) { link_.send(to, std::move(answer)); }),
+      link_(make) {
+  server_.setFiles(std::move(files));
   link_.listen({.message =
                     [this](std::uint32_t from, Kind kind, ByteView body) {
-                      if (from == 0) hear(kind, body);
+                      if (hearOfFiles(from, kind, body) || from != 0) return;
+                      hear(kind, body);
                     },
                 .tick = {},
-                .lost =
-                    [this](std::uint32_t machine) {
-                      if (machine != 0) return;  // the others are machine 0's to miss
-                      broken(Error(ExitCode::kFailed, "machine 0 has ended"));
-                    },
+                .lost = [this](std::uint32_t machine) { lose(machine); },
                 .broken = [this](const Error& e) { broken(e); }});
   link_.send(0, self);
 }
 
-Worker::~Worker() = default;
+Worker::~Worker() { server_.stop(); }
 
 void Worker::broken(const Error& error) {
+  remote_.broken(error);
   const std::lock_guard lock(mutex_);
   if (!problem_) problem_ = error;
   changed_.notify_all();
+}
+
+/// A machine has died. The others are machine 0's to miss.
+void Worker::lose(std::uint32_t machine) {
+  if (machine == 0) return broken(Error(ExitCode::kFailed, "machine 0 has ended"));
+  remote_.lose(machine, Error(ExitCode::kFailed, fmt::format("machine {} has ended", machine)));
+  sayGoodbye();
+}
+
+/// What machines ask each other for, whoever they are, by the link's thread. False if it is nothing
+/// of that.
+bool Worker::hearOfFiles(std::uint32_t from, Kind kind, ByteView body) {
+  switch (kind) {
+    case Kind::kFetch:
+      server_.ask(from, decode<Fetch>(body));
+      return true;
+    case Kind::kPart:
+      remote_.hear(from, decode<Part>(body));
+      break;
+    case Kind::kNoPart:
+      remote_.hear(from, decode<NoPart>(body));
+      break;
+    default:
+      return false;
+  }
+  sayGoodbye();
+  return true;
+}
+
+/// Once machine 0 has said stop, and nothing is on its way here: who goes earlier would leave the
+/// sender of something large waiting.
+void Worker::sayGoodbye() {
+  const std::lock_guard lock(mutex_);
+  if (!stopped_ || saidGoodbye_ || remote_.outstanding() > 0) return;
+  saidGoodbye_ = true;
+  link_.send(0, Bye{});
 }
 
 /// By the link's thread.
@@ -110,16 +101,6 @@ void Worker::hear(Kind kind, ByteView body) {
     case Kind::kPing:
       link_.send(0, Pong{});
       return;
-    case Kind::kPart: {
-      Part part = decode<Part>(body);
-      const std::lock_guard lock(mutex_);
-      const auto at = parts_.find(part.number);
-      if (at == parts_.end() || part.bytes.empty())
-        throw MessageError("nobody asked for this part");
-      at->second = std::move(part.bytes);
-      changed_.notify_all();
-      return;
-    }
     case Kind::kProbe:
       link_.send(0, Probed{decode<Probe>(body).number});
       return;
@@ -155,13 +136,16 @@ void Worker::hear(Kind kind, ByteView body) {
     default:
       throw MessageError("machine 0 should not have sent it");
   }
-  const std::lock_guard lock(mutex_);
-  if (kind == Kind::kStop) {
-    stopped_ = true;
-    link_.send(0, Bye{});
+  {
+    const std::lock_guard lock(mutex_);
+    stopped_ |= kind == Kind::kStop;
+    heard_.push_back({kind, views_, passes_, {body.begin(), body.end()}});
+    changed_.notify_all();
   }
-  heard_.push_back({kind, views_, passes_, {body.begin(), body.end()}});
-  changed_.notify_all();
+  if (kind != Kind::kStop) return;
+  remote_.stop();
+  remote_.lose(0, Error(ExitCode::kInterrupted, "machine 0 has ended the work"));
+  sayGoodbye();
 }
 
 std::optional<Worker::Heard> Worker::next() {
@@ -193,38 +177,12 @@ LinkSpeed Worker::linkSpeed() {
 }
 
 std::unique_ptr<hccm::PageFile> Worker::file(std::uint32_t number, const std::string& name) {
-  return std::make_unique<RemoteFile>(*this, number, name);
+  return file(0, number, name);
 }
 
-void Worker::read(std::uint32_t file, std::span<const hccm::FilePart> parts) {
-  Fetch fetch;
-  std::size_t bytes = 0;
-  for (const hccm::FilePart& part : parts) {
-    fetch.ranges.push_back({part.offset, file, static_cast<std::uint32_t>(part.out.size())});
-    bytes += part.out.size();
-  }
-  if (bytes == 0) return;
-  std::unique_lock lock(mutex_);
-  const std::uint64_t number = fetch.number = ++questions_;
-  parts_[number];
-  lock.unlock();
-  link_.send(0, fetch);
-  lock.lock();
-  changed_.wait(lock, [&] { return !parts_[number].empty() || problem_ || stopped_; });
-  const Bytes got = std::move(parts_[number]);
-  parts_.erase(number);
-  if (got.empty()) {
-    if (problem_) throw Error(*problem_);
-    fail(ExitCode::kInterrupted, "machine 0 has ended the work");
-  }
-  if (got.size() != bytes) {
-    fail(ExitCode::kFailed, "machine 0: sent {} bytes of a file instead of {}", got.size(), bytes);
-  }
-  auto from = got.begin();
-  for (const hccm::FilePart& part : parts) {
-    std::copy_n(from, part.out.size(), part.out.begin());
-    from += static_cast<std::ptrdiff_t>(part.out.size());
-  }
+std::unique_ptr<hccm::PageFile> Worker::file(std::uint32_t machine, std::uint32_t number,
+                                             const std::string& name) {
+  return remote_.file(machine, number, name);
 }
 
 void Worker::setView(Work& work, const SetView& message, std::uint32_t begun) {
@@ -345,6 +303,9 @@ void Worker::failed(const Error& error) {
   }
 }
 
-void Worker::finish() { link_.finish(); }
+void Worker::finish() {
+  server_.stop();
+  link_.finish();
+}
 
 }  // namespace trex::machines

@@ -4,7 +4,6 @@
 #include <atomic>
 #include <condition_variable>
 #include <deque>
-#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -13,7 +12,9 @@
 #include "hccmesh/pages.h"
 #include "src/machines/link.h"
 #include "src/machines/link_probe.h"
+#include "src/machines/page_server.h"
 #include "src/machines/photon_parts.h"
+#include "src/machines/remote_files.h"
 #include "src/scene/scene.h"
 #include "src/session/model.h"
 #include "src/session/session.h"
@@ -23,8 +24,8 @@ namespace trex::machines {
 
 class Worker : public PhotonSharer {
  public:
-  /// Greets machine 0. Throws Error.
-  Worker(const Link::MakeWire& make, const Hello& self);
+  /// Greets machine 0. `files`: that others may read here, by number. Throws Error.
+  Worker(const Link::MakeWire& make, const Hello& self, std::vector<ServedFile> files = {});
   ~Worker() override;
 
   std::uint32_t rank() const { return link_.rank(); }
@@ -34,6 +35,9 @@ class Worker : public PhotonSharer {
   /// A file of machine 0, which Welcome counts. Reading throws Error, for one thing once machine 0
   /// said stop. Used while this is there; thread safe. `name`: for messages.
   std::unique_ptr<hccm::PageFile> file(std::uint32_t number, const std::string& name);
+  /// The same of another machine.
+  std::unique_ptr<hccm::PageFile> file(std::uint32_t machine, std::uint32_t number,
+                                       const std::string& name);
   /// Takes samples of the views' pictures until machine 0 says stop. `digest`: of model, views and
   /// settings.
   void run(std::shared_ptr<const Model> model, const std::vector<Camera>& views,
@@ -68,14 +72,15 @@ class Worker : public PhotonSharer {
   std::atomic<std::uint32_t> passBegun_{0};          ///< of passes_, of the job under way
 
  private:
-  class RemoteFile;
   struct Work;
 
   void hear(Kind kind, ByteView body);
+  bool hearOfFiles(std::uint32_t from, Kind kind, ByteView body);
+  void lose(std::uint32_t machine);
+  void sayGoodbye();
   void hearOfPhotons(Kind kind, ByteView body);
   void broken(const Error& error);
   LinkSpeed linkSpeed();
-  void read(std::uint32_t file, std::span<const hccm::FilePart> parts);
   void setView(Work& work, const SetView& message, std::uint32_t begun);
   void startPass(Work& work, Pass pass);
   void takeJob(Work& work, const GiveJob& message, std::uint32_t begun);
@@ -84,15 +89,15 @@ class Worker : public PhotonSharer {
   std::condition_variable changed_;
   std::deque<Heard> heard_;
   std::optional<Error> problem_;
-  bool stopped_ = false;
-  std::map<std::uint64_t, Bytes> parts_;  ///< that were asked for; empty until they come
-  std::uint64_t questions_ = 0;
+  bool stopped_ = false, saidGoodbye_ = false;
   LinkSpeed speed_;                      ///< of the link to machine 0
   std::uint32_t view_ = ~0u;             ///< whose photons are shot
   std::optional<PhotonParts> batch_;     ///< that it waits for
   std::deque<ShootPhotons> photonJobs_;  ///< of it
   bool alone_ = false;                   ///< nobody else shoots it
-  Link link_;                            ///< the last: it calls the others
+  RemoteFiles remote_;
+  PageServer server_;
+  Link link_;  ///< the last: it calls the others
 };
 
 }  // namespace trex::machines

@@ -52,7 +52,7 @@ LightPass::LightPass(const Scene& scene, const WalkTracer& walks, const LightSet
 
 void LightPass::aim(const CameraRays& camera, std::uint32_t width, std::uint32_t height) {
   guides_ = lights_.guides();
-  if (guides_.empty()) return;
+  if (guides_.empty() || (sharer_ != nullptr && sharer_->shootsAll())) return;
   const auto start = std::chrono::steady_clock::now();
   importance_ = traceImportons(scene_, walks_, camera, width, height, seed_);
   if (importance_.empty()) guides_.clear();
@@ -69,13 +69,15 @@ std::uint64_t LightPass::boundary() const {
   return (emitted_ / batch + 1) * batch;
 }
 
-/// Photons [first, first + count) of the batch under way; none if they were given up.
+/// Photons [first, first + count) of the batch under way; none if they were given up, or missed a
+/// page.
 std::optional<ShotPhotons> LightPass::land(std::uint64_t first, std::uint64_t count,
                                            const std::function<bool()>& giveUp) const {
   const auto inverse = static_cast<float>(1.0 / scale_);
+  const std::uint64_t missed = walks_.rays().missed();
   const auto landed =
       landPhotons(scene_, walks_, lights_, seed_, first, count, rayBounces_, guides_, giveUp);
-  if (!landed) return {};
+  if (!landed || walks_.rays().missed() != missed) return {};
   ShotPhotons shot;
   shot.records.resize(landed->size());
   tbb::parallel_for(std::size_t{0}, landed->size(), [&](std::size_t i) {

@@ -38,7 +38,7 @@ class LightPass {
   /// light depends on the number of photons alone, not on the calls that brought them. Where flux
   /// is lost with a device the same are shot again, and the light of before stays until then.
   /// Photons that wait for pages may take a minute: `giveUp`, asked by all threads meanwhile, ends
-  /// it as keepGoing does.
+  /// it as keepGoing does, and so does a page that they miss where rays do not wait.
   bool run(std::uint64_t target, const std::function<bool()>& keepGoing,
            const std::function<bool()>& giveUp = {});
 

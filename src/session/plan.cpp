@@ -16,6 +16,7 @@ constexpr std::uint32_t kPreviewTurns = 3;
 /// camera that keeps moving would never see any light.
 bool previewDue(const SessionState& s) {
   if (!s.interactive || s.previewSamples >= kPreviewSamples) return false;
+  if (!s.exactPreviews) return s.lightOfBefore && s.turn % kPreviewTurns == 0;
   const std::uint32_t cells = s.lightOfBefore ? kCoarseCells : 1;
   return s.previewCells < cells || s.light == State::kAwaited || s.turn % kPreviewTurns == 0;
 }

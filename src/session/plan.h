@@ -30,8 +30,11 @@ struct SessionState {
   bool goalReached = false;
   std::uint32_t nextLook = kAnySamples;  ///< samples at which the dial looks next
   // Of the viewer alone:
-  bool interactive = false;          ///< there are previews, and tiles overtake each other
-  bool lightOfBefore = false;        ///< that previews read; else they trace exact paths
+  bool interactive = false;    ///< there are previews, and tiles overtake each other
+  bool lightOfBefore = false;  ///< that previews read; else they trace exact paths
+  /// Of which there are some. Not where pages have no room, and there the light need not wait for
+  /// any preview.
+  bool exactPreviews = true;
   std::uint32_t previewCells = 0;    ///< of the preview's first sample, in every tile; of 64
   std::uint32_t previewSamples = 0;  ///< whole ones
   std::uint32_t samplesAtOnce = 1;   ///< of a capture, between two looks at its goal

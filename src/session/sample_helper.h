@@ -18,6 +18,8 @@ class SampleHelper {
   /// Other machines, and those of them that can take samples.
   virtual std::uint32_t machines() const = 0;
   virtual std::uint32_t readyMachines() const = 0;
+  /// Whether some machine has the whole model for good: what the session leaves comes back.
+  virtual bool takesAll() const = 0;
   /// The frame follows another look, as an overlay on the model (look_file.h), or has another size.
   virtual void edited(const std::string& overlay, std::uint32_t width, std::uint32_t height) = 0;
   /// Samples will read the light of so many photons, which are being shot.

@@ -8,7 +8,9 @@
 #include <span>
 #include <vector>
 
+#include "hccmesh/page_cache.h"
 #include "src/core/clock.h"
+#include "src/crays/reading_pages.h"
 #include "src/frame/estimator.h"
 #include "src/frame/lattice.h"
 
@@ -16,8 +18,17 @@ namespace trex {
 
 /// Pixels between the two stages: traced, and waiting for the device's cones.
 struct SampleBatch {
+  struct Unit {
+    TileUnit unit;
+    std::size_t endJob = 0;
+    bool missed = false;  ///< pages, or an earlier unit of its tile did: it comes to nothing
+  };
   std::vector<PathJob> jobs;
-  std::uint32_t looks = 0;                   ///< of the jobs
+  std::vector<Unit> units;           ///< of the jobs, in their order
+  std::vector<std::uint8_t> missed;  ///< by chunk of jobs: a ray missed a page
+  std::vector<std::uint8_t> isVoid;  ///< by job: of a unit that comes to nothing; empty: none is
+  bool waits = false;                ///< for pages that are not there
+  std::uint32_t looks = 0;           ///< of the jobs
   std::vector<std::uint32_t> finishedTiles;  ///< that come to a whole sample or level by it
   std::vector<PathSample> paths;             ///< by job
   std::vector<RayCounts> rays;               ///< by job
@@ -35,6 +46,26 @@ constexpr double kShareOfLimit = 0.2;          // see adaptWaiting()
 constexpr std::size_t kLargestUnit = 64 * 64;  // pixels of a tile
 constexpr std::uint32_t kLeastBatch = 256, kLargestBatch = 1u << 16;
 constexpr std::uint32_t kLooksOfASample = 8;  // that cost about as much
+/// A unit that so often missed pages waits for them: some went before others came.
+constexpr std::uint32_t kMostTries = 12;
+/// The same where others may take it: they may be late, or have another light.
+constexpr std::uint32_t kMostTriesOfOthers = 60;
+
+/// Rays wait for pages, if they are told to, while it lives.
+class RaysWait {
+ public:
+  RaysWait(const hccm::PagedMesh* behind, bool wait) : mesh_(wait ? behind : nullptr) {
+    if (mesh_ != nullptr) mesh_->setWaiting(true);
+  }
+  ~RaysWait() {
+    if (mesh_ != nullptr) mesh_->setWaiting(false);
+  }
+  RaysWait(const RaysWait&) = delete;
+  RaysWait& operator=(const RaysWait&) = delete;
+
+ private:
+  const hccm::PagedMesh* mesh_;
+};
 
 /// Calls `visit(x, y)` with the pixels of a unit of a frame, always in the same order.
 template <typename Visit>
@@ -150,18 +181,20 @@ void mergeJobs(FrameBuffers& frame, const SampleBatch& batch, bool apart) {
   constexpr std::size_t kPixels = 256;
   const std::size_t count = batch.jobs.size();
   std::vector<std::uint8_t> added(count);
+  const auto counts = [&](std::size_t i) { return batch.isVoid.empty() || batch.isVoid[i] == 0; };
   const auto finite = [&](const PathSample& p, bool paired) {
     return isFinite(p.common + p.guess) && (!paired || isFinite(p.common + p.exact));
   };
   tbb::parallel_for(tbb::blocked_range<std::size_t>(0, apart ? count : 0, kPixels),
                     [&](const tbb::blocked_range<std::size_t>& range) {
                       for (std::size_t i = range.begin(); i != range.end(); ++i) {
-                        added[i] = finite(batch.paths[i], batch.jobs[i].paired);
+                        added[i] = counts(i) && finite(batch.paths[i], batch.jobs[i].paired);
                         if (added[i] != 0) addJob(frame, batch, i);
                       }
                     });
   for (std::size_t i = 0; i < count; ++i) {
     const PathJob& job = batch.jobs[i];
+    if (!counts(i)) continue;
     if (added[i] == 0) addJob(frame, batch, i);
     if (!frame.dial || job.look) continue;
     frame.dial->add(frame.tiles.tileAt(job.x, job.y), job.paired, costOf(batch.rays[i]));
@@ -189,6 +222,46 @@ void rateTile(FrameBuffers& frame, std::uint32_t tile) {
   frame.tiles.setError(tile, static_cast<float>(error / (mean * mean + 1e-12)));
 }
 
+/// What missed pages is void, and so is what follows it in its tile.
+void dropMissed(SampleBatch& batch) {
+  batch.isVoid.assign(batch.jobs.size(), 0);
+  std::size_t first = 0;
+  for (std::size_t i = 0; i < batch.units.size(); ++i) {
+    SampleBatch::Unit& unit = batch.units[i];
+    for (std::size_t job = first; job < unit.endJob; job = (job / kChunk + 1) * kChunk) {
+      unit.missed |= batch.missed[job / kChunk] != 0;
+    }
+    for (std::size_t k = 0; k < i && !unit.missed; ++k) {
+      const SampleBatch::Unit& before = batch.units[k];
+      unit.missed =
+          before.missed && before.unit.tile == unit.unit.tile && before.unit.look == unit.unit.look;
+    }
+    if (unit.missed) {
+      std::fill(batch.isVoid.begin() + static_cast<std::ptrdiff_t>(first),
+                batch.isVoid.begin() + static_cast<std::ptrdiff_t>(unit.endJob), std::uint8_t{1});
+      std::erase(batch.finishedTiles, unit.unit.tile);
+    }
+    first = unit.endJob;
+  }
+  for (Cones& part : batch.cones) {
+    std::erase_if(part.requests, [&](const ConeRequest& r) { return batch.isVoid[r.job] != 0; });
+  }
+  for (std::size_t i = 0; i < batch.rays.size(); ++i) {
+    if (batch.isVoid[i] != 0) batch.rays[i] = {};
+  }
+}
+
+/// Units that missed pages are their tiles' next again.
+void putBack(TileScheduler& tiles, const hccm::PageFetcher& fetcher, const SampleBatch& batch) {
+  for (auto unit = batch.units.rbegin(); unit != batch.units.rend(); ++unit) {
+    if (unit->missed) {
+      tiles.putBack(unit->unit, fetcher.asked());
+    } else {
+      tiles.wasWhole(unit->unit.tile);
+    }
+  }
+}
+
 }  // namespace
 
 std::size_t pathsThatWait(const Scene& scene, std::uint64_t bytes) {
@@ -203,16 +276,18 @@ std::uint64_t memoryOfPaths(const Scene& scene, std::uint64_t paths) {
 void SampleTaker::take(FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
                        const std::function<bool()>& keepGoing, vec2 pointer) {
   frame.tiles.beginFrame(pointer, batchPixels_ / 4);
+  const hccm::PageFetcher* fetcher = source.behind != nullptr ? source.behind->fetcher() : nullptr;
+  if (fetcher != nullptr) frame.tiles.setPages(readingPages([&] { return fetcher->brought(); }));
   SampleBatch batches[2];
   bool more = true;
   for (std::size_t i = 0; more; ++i) {
-    const bool must = interactive_ && (i == 0 || frame.tiles.coarseCells() == 0);
+    const bool lacksAll = frame.tiles.coarseCells() == 0 && frame.tiles.pagesAwaited() == 0;
+    const bool must = interactive_ && (i == 0 || lacksAll);
     if (!must && !keepGoing()) break;
     const double mark = secondsNow();
     SampleBatch& batch = batches[i % 2];
     const std::uint32_t samples = frame.tiles.samplesDone(), tiles = frame.tiles.tilesDone();
-    more =
-        fill(frame, wanted(source, std::size_t{frame.sums.width()} * frame.sums.height()), batch);
+    more = fill(frame, source, batch);
     const std::size_t jobs = batch.jobs.size(), cost = costOf(batch);
     // Of nothing nothing is given up: the first samples of a picture are awaited.
     const bool mayGiveUp = samples > 0 || tiles > 0;
@@ -221,6 +296,7 @@ void SampleTaker::take(FrameBuffers& frame, const SampleSource& source, VoxelLig
       batch.jobs.clear();
       break;
     }
+    if (fetcher != nullptr) putBack(frame.tiles, *fetcher, batch);
     merge(frame, source, light, batches[(i + 1) % 2]);
     if (source.batched) merge(frame, source, light, batch);  // there is no room for two
     adapt(secondsNow() - mark, cost);
@@ -238,11 +314,16 @@ std::size_t SampleTaker::wanted(const SampleSource& source, std::size_t pixels) 
 }
 
 /// Units for a batch. False once none is left.
-bool SampleTaker::fill(FrameBuffers& frame, std::size_t wanted, SampleBatch& batch) const {
-  while (costOf(batch) < wanted) {
+bool SampleTaker::fill(FrameBuffers& frame, const SampleSource& source, SampleBatch& batch) const {
+  const std::size_t most = wanted(source, std::size_t{frame.sums.width()} * frame.sums.height());
+  while (costOf(batch) < most) {
     const auto unit = frame.tiles.next();
     if (!unit) return false;
     addJobs(frame.tiles.tiles()[unit->tile], *unit, frame.looks.get(), batch);
+    batch.units.push_back({*unit, batch.jobs.size()});
+    batch.waits = frame.tiles.state(unit->tile).tries >=
+                  (source.waitsAtLast ? kMostTries : kMostTriesOfOthers);
+    if (batch.waits) break;
   }
   return true;
 }
@@ -273,7 +354,10 @@ bool SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
   batch.rays.assign(count, RayCounts{});
   batch.cones.resize(source.batched ? 1 : chunks);
   for (Cones& part : batch.cones) part.clear();
-  prepareCaustics(source.caustics, batch.jobs, [](const PathJob& job) { return job.sample; });
+  {
+    const RaysWait wait(source.behind, true);
+    prepareCaustics(source.caustics, batch.jobs, [](const PathJob& job) { return job.sample; });
+  }
   for (PathJob& job : batch.jobs) {
     const double offset = toUnitFloat(hashCombine(hashCombine(job.x, job.y), seed_));
     const double share =
@@ -286,13 +370,18 @@ bool SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
                               mayGiveUp ? giveUp_ : std::function<bool()>());
     if (!done) return false;
   }
+  batch.missed.assign(source.batched ? 0 : chunks, 0);
+  const RaysWait wait(source.behind, batch.waits);
   tbb::parallel_for(std::size_t{0}, source.batched ? 0 : chunks, [&](std::size_t chunk) {
     const std::size_t first = chunk * kChunk, size = std::min(kChunk, count - first);
     const auto jobs = std::span(batch.jobs).subspan(first, size);
+    const std::uint64_t before = hccm::PageFetcher::missesHere();
     source.tracer->trace(jobs, width, static_cast<std::uint32_t>(first),
                          std::span(batch.paths).subspan(first, size),
                          std::span(batch.rays).subspan(first, size), batch.cones[chunk]);
+    batch.missed[chunk] = hccm::PageFetcher::missesHere() != before;
   });
+  if (source.behind != nullptr) dropMissed(batch);
   for (const RayCounts& c : batch.rays) rays_.add(c);
   batch.queries.clear();
   for (const Cones& part : batch.cones) {
@@ -339,6 +428,7 @@ void SampleTaker::finish(const SampleSource& source, VoxelLight& light, SampleBa
 /// Paths of a batch whose cones did not know go on by rays.
 void SampleTaker::resume(const SampleSource& source, std::span<const PathState> paths,
                          SampleBatch& batch) {
+  const RaysWait wait(source.behind, true);
   std::vector<PathSample> samples(paths.size());
   std::vector<RayCounts> counts(paths.size());
   prepareCaustics(source.caustics, paths, [](const PathState& path) { return path.number; });
@@ -371,6 +461,9 @@ void SampleTaker::merge(FrameBuffers& frame, const SampleSource& source, VoxelLi
     for (const std::uint32_t tile : batch.finishedTiles) rateTile(frame, tile);
   }
   batch.jobs.clear();
+  batch.units.clear();
+  batch.isVoid.clear();
+  batch.waits = false;
   batch.looks = 0;
   batch.finishedTiles.clear();
 }

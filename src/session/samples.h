@@ -27,6 +27,10 @@ struct SampleSource {
   std::unique_ptr<BatchedTracer> batched;
   GatherPlan* gathers = nullptr;  ///< where what happens is recorded; may be null
   bool pairs = false;             ///< the settings' share of samples is traced exactly too
+  /// A mesh whose pages come behind rays (hccm::PagedMesh::fetchBehind()); else null.
+  const hccm::PagedMesh* behind = nullptr;
+  /// Units that miss pages again and again wait for them; else later, as others may take them.
+  bool waitsAtLast = true;
 };
 
 struct SampleBatch;
@@ -50,7 +54,8 @@ class SampleTaker {
 
   /// Takes samples in the order of the frame's tiles until none is left before their barrier, or
   /// keepGoing, asked before each batch, says no. Of the viewer's tiles at least one batch, and the
-  /// coarsest picture of all, are taken in any case. Tiles near `pointer` come first: see
+  /// coarsest picture of all, are taken in any case, but for tiles that lack pages which come
+  /// behind: those are left until they are there. Tiles near `pointer` come first: see
   /// TileScheduler.
   void take(FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
             const std::function<bool()>& keepGoing, vec2 pointer);
@@ -77,7 +82,7 @@ class SampleTaker {
 
  private:
   std::size_t wanted(const SampleSource& source, std::size_t pixels) const;
-  bool fill(FrameBuffers& frame, std::size_t wanted, SampleBatch& batch) const;
+  bool fill(FrameBuffers& frame, const SampleSource& source, SampleBatch& batch) const;
   bool trace(const FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
              SampleBatch& batch, bool mayGiveUp);
   void adaptWaiting(double seconds, std::size_t jobs);

@@ -14,6 +14,9 @@ namespace {
 
 /// The coarse frame fills 1, 4, 8, 12, 16 cells: small passes, so that no tile waits long.
 constexpr std::uint32_t kCoarse = 16;
+std::uint32_t nextLevel(std::uint32_t level) { return level + (level < 4 ? 3 : 4); }
+/// Of those that are lent: others end with their sample.
+bool isCoarse(const TileUnit& unit) { return unit.sample == 0 && unit.endCell <= kCoarse; }
 /// Cells after which every second pixel is looked at, and the others: what there is then of light
 /// is worth showing with sharper edges than its own.
 constexpr std::uint8_t kFirstRounds = 2;
@@ -90,7 +93,7 @@ std::uint32_t TileScheduler::coarseCells() const {
 std::uint32_t TileScheduler::longestWait() const {
   std::uint32_t longest = 0;
   for (std::uint32_t i = 0; i < states_.size(); ++i) {
-    if (!waits(i)) longest = std::max(longest, frame_ - states_[i].served);
+    if (canGoOn(i)) longest = std::max(longest, frame_ - states_[i].served);
   }
   return longest;
 }
@@ -153,9 +156,10 @@ TileUnit TileScheduler::take(std::uint32_t tile, std::uint32_t endCell) {
 /// Levels of the coarse frame, each of every tile before the next.
 std::optional<TileUnit> TileScheduler::nextCoarse() {
   if (barrier_ == 0) return {};
-  for (; coarse_ <= kCoarse; coarse_ += coarse_ < 4 ? 3 : 4, coarseNext_ = 0) {
+  for (; coarse_ <= kCoarse; coarse_ = nextLevel(coarse_), coarseNext_ = 0) {
     for (; coarseNext_ < nearest_.size(); ++coarseNext_) {
       const std::uint32_t i = nearest_[coarseNext_];
+      if (lacksPages(i) || states_[i].lentCoarse) continue;
       if (states_[i].sample == 0 && states_[i].cells < coarse_) return take(i, coarse_);
     }
     for (std::uint8_t round = 0; round < kFirstRounds; ++round) {
@@ -173,7 +177,7 @@ std::optional<TileUnit> TileScheduler::nextLook(std::uint8_t round) {
   if (looks_ == 0) return {};
   for (const std::uint32_t i : nearest_) {
     TileState& s = states_[i];
-    if (s.looks != round) continue;
+    if (s.looks != round || lacksPages(i)) continue;
     ++s.looks;
     s.lookFrame = frame_;
     return TileUnit{
@@ -188,7 +192,9 @@ std::optional<TileUnit> TileScheduler::nextLookAgain(std::uint32_t rounds) {
   std::optional<std::uint32_t> next;
   for (const std::uint32_t i : nearest_) {
     const TileState& s = states_[i];
-    if (s.looks < kFirstRounds || s.looks >= rounds || s.lookFrame == frame_) continue;
+    if (s.looks < kFirstRounds || s.looks >= rounds || s.lookFrame == frame_ || lacksPages(i)) {
+      continue;
+    }
     if (!next || s.looks < states_[*next].looks) next = i;
   }
   if (!next) return {};
@@ -203,7 +209,7 @@ std::optional<TileUnit> TileScheduler::nextStarved() {
   --starvedLeft_;
   std::optional<std::uint32_t> oldest;
   for (std::uint32_t i = 0; i < states_.size(); ++i) {
-    if (waits(i) || states_[i].served == frame_) continue;
+    if (!canGoOn(i) || states_[i].served == frame_) continue;
     if (!oldest || states_[i].served < states_[*oldest].served) oldest = i;
   }
   if (!oldest) return {};
@@ -214,7 +220,7 @@ std::optional<TileUnit> TileScheduler::nextBest() {
   std::optional<std::uint32_t> best;
   double most = -1.0;
   for (std::uint32_t i = 0; i < states_.size(); ++i) {
-    if (waits(i)) continue;
+    if (!canGoOn(i)) continue;
     const double g = gain(i);
     if (g <= most) continue;
     most = g;
@@ -222,6 +228,36 @@ std::optional<TileUnit> TileScheduler::nextBest() {
   }
   if (!best) return {};
   return take(*best, unitEnd(*best));
+}
+
+void TileScheduler::putBack(const TileUnit& unit, std::uint64_t pages) {
+  TileState& s = states_[unit.tile];
+  s.pages = std::max(s.pages, pages);
+  ++s.tries;
+  if (unit.look) {
+    --s.looks;
+    return;
+  }
+  s.sample = unit.sample;
+  s.cells = unit.firstCell;
+}
+
+/// Whoever gets pages may lack levels of the coarse frame, or looks, that others have.
+void TileScheduler::setPages(std::uint64_t pages) {
+  const auto comes = [&](const TileState& s) { return s.pages > pages_ && s.pages <= pages; };
+  if (std::any_of(states_.begin(), states_.end(), comes)) {
+    coarse_ = 1;
+    coarseNext_ = 0;
+  }
+  pages_ = pages;
+}
+
+std::uint64_t TileScheduler::pagesAwaited() const {
+  std::uint64_t least = 0;
+  for (const TileState& s : states_) {
+    if (s.pages > pages_ && (least == 0 || s.pages < least)) least = s.pages;
+  }
+  return least;
 }
 
 std::optional<TileUnit> TileScheduler::lend() {
@@ -242,9 +278,47 @@ std::optional<TileUnit> TileScheduler::lend() {
   return TileUnit{.tile = *best, .sample = s.sample, .firstCell = first, .endCell = kCells};
 }
 
+/// Of the coarse frame, for want of pages.
+bool TileScheduler::lacksCoarse(std::uint32_t tile) const {
+  const TileState& s = states_[tile];
+  return lacksPages(tile) && !s.lentCoarse && barrier_ > 0 && s.sample == 0 && s.cells < kCoarse;
+}
+
+std::uint32_t TileScheduler::coarseTilesToLend() const {
+  std::uint32_t count = 0;
+  for (std::uint32_t i = 0; i < states_.size(); ++i) count += lacksCoarse(i) ? 1 : 0;
+  return count;
+}
+
+std::optional<TileUnit> TileScheduler::lendCoarse() {
+  std::optional<std::uint32_t> next;
+  for (const std::uint32_t i : nearest_) {
+    if (lacksCoarse(i) && (!next || states_[i].cells < states_[*next].cells)) next = i;
+  }
+  if (!next) return {};
+  TileState& s = states_[*next];
+  s.lentCoarse = true;
+  std::uint32_t level = 1;
+  while (level <= s.cells) level = nextLevel(level);
+  return TileUnit{.tile = *next, .sample = 0, .firstCell = s.cells, .endCell = level};
+}
+
+/// Levels of the coarse frame that such a tile has missed are looked for anew.
+void TileScheduler::release(const TileUnit& unit) {
+  TileState& s = states_[unit.tile];
+  if (!isCoarse(unit)) {
+    s.lent = false;
+    return;
+  }
+  s.lentCoarse = false;
+  coarse_ = 1;
+  coarseNext_ = 0;
+}
+
 bool TileScheduler::isReadyFor(const TileUnit& unit) const {
   const TileState& s = states_[unit.tile];
-  return s.lent && s.sample == unit.sample && s.cells == unit.firstCell;
+  const bool lent = isCoarse(unit) ? s.lentCoarse : s.lent;
+  return lent && s.sample == unit.sample && s.cells == unit.firstCell;
 }
 
 void TileScheduler::cameBack(const TileUnit& unit) {
@@ -252,12 +326,14 @@ void TileScheduler::cameBack(const TileUnit& unit) {
     next();
     return;
   }
-  take(unit.tile, kCells);
-  release(unit.tile);
+  take(unit.tile, unit.endCell);
+  release(unit);
 }
 
 void TileScheduler::releaseAll() {
-  for (TileState& s : states_) s.lent = false;
+  for (TileState& s : states_) s.lent = s.lentCoarse = false;
+  coarse_ = 1;
+  coarseNext_ = 0;
 }
 
 std::uint32_t TileScheduler::freeTiles() const {

@@ -35,6 +35,9 @@ struct TileState {
   std::uint8_t looks = 0;       ///< rounds of them: see TileScheduler::setLooks()
   std::uint32_t lookFrame = 0;  ///< frame of the last one
   bool lent = false;            ///< its next sample is taken elsewhere: TileScheduler::lend()
+  bool lentCoarse = false;      ///< likewise a level of its coarse frame: lendCoarse()
+  std::uint64_t pages = 0;      ///< it gets nothing before so many have come: putBack()
+  std::uint32_t tries = 0;      ///< that a page was missing in since a unit was whole
   double progress() const { return sample + cells / 64.0; }
 };
 
@@ -61,18 +64,35 @@ class TileScheduler {
   std::optional<TileUnit> next();
   void setError(std::uint32_t tile, float error) { states_[tile].error = error; }
 
+  // Units that need pages of a mesh which are not there yet, of the viewer's tiles.
+
+  /// The last unit that next() gave of a tile and that was not put back did not come to anything:
+  /// it is next again once so many `pages` have come.
+  void putBack(const TileUnit& unit, std::uint64_t pages);
+  /// It did.
+  void wasWhole(std::uint32_t tile) { states_[tile].tries = 0; }
+  /// Pages that have come so far.
+  void setPages(std::uint64_t pages);
+  /// Pages that some tile waits for; 0: none does.
+  std::uint64_t pagesAwaited() const;
+
   // Samples that are taken elsewhere, of the viewer's tiles.
 
   /// What is left of the next sample of a tile, where that gains most; of the first one what comes
   /// after the coarse frame. Until it comes back or is released the tile gets nothing else but the
   /// coarse frame and looks. Nothing if no tile is left.
   std::optional<TileUnit> lend();
+  /// The next level of the coarse frame of a tile that lacks pages, lent or not; until it is back
+  /// the tile gets looks alone. Nothing if there is no such tile.
+  std::optional<TileUnit> lendCoarse();
+  /// Tiles of which it could be.
+  std::uint32_t coarseTilesToLend() const;
   /// Whether a tile has all that comes before such a unit.
   bool isReadyFor(const TileUnit& unit) const;
   /// A unit that was lent is in the sums; or, of a sweep, the next one.
   void cameBack(const TileUnit& unit);
   /// A unit will not come back.
-  void release(std::uint32_t tile) { states_[tile].lent = false; }
+  void release(const TileUnit& unit);
   void releaseAll();
   /// Tiles that may get samples here.
   std::uint32_t freeTiles() const;
@@ -100,7 +120,8 @@ class TileScheduler {
   /// Cells of the first sample that every tile has; 64 once all have it whole.
   std::uint32_t coarseCells() const;
   bool atBarrier() const { return samplesDone() >= barrier_; }
-  /// Frames since the tile that has waited longest was served, of those not at the barrier.
+  /// Frames since the tile that has waited longest was served, of those neither at the barrier nor
+  /// without pages that they need.
   std::uint32_t longestWait() const;
   /// Mean number of samples a tile has.
   double meanProgress() const;
@@ -118,6 +139,11 @@ class TileScheduler {
   bool waits(std::uint32_t tile) const {
     return states_[tile].sample >= barrier_ || states_[tile].lent;
   }
+  bool lacksPages(std::uint32_t tile) const { return states_[tile].pages > pages_; }
+  bool lacksCoarse(std::uint32_t tile) const;
+  bool canGoOn(std::uint32_t tile) const {
+    return !waits(tile) && !lacksPages(tile) && !states_[tile].lentCoarse;
+  }
 
   std::vector<Tile> tiles_;
   Order order_;
@@ -132,6 +158,7 @@ class TileScheduler {
   std::uint32_t coarse_ = 1, coarseNext_ = 0;      ///< level under way, place in nearest_
   std::uint32_t looks_ = 0;
   std::uint32_t frame_ = 0, starvedLeft_ = 0, unitPixels_ = 4096;
+  std::uint64_t pages_ = 0;  ///< that have come
 };
 
 }  // namespace trex

@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <utility>
 
+#include "hccmesh/page_cache.h"
 #include "src/core/clock.h"
 #include "src/core/threads.h"
+#include "src/crays/reading_pages.h"
 #include "src/paths/walk_tracer.h"
 #include "src/session/cone_share.h"
 #include "src/session/picture_error.h"
@@ -15,6 +17,24 @@ namespace {
 
 constexpr std::uint32_t kTileSize = 64;
 constexpr std::uint32_t kSharedAtOnce = 1u << 16;  // samples: machines wait for each other at looks
+constexpr double kPageSeconds = 0.002;  // to wait for pages, before it is asked whether to go on
+/// Photons that so often missed pages wait for them.
+constexpr std::uint32_t kMostLightTries = 24;
+
+/// Rays do not wait for pages that come behind, while it lives.
+class NoRayWaits {
+ public:
+  explicit NoRayWaits(const hccm::PagedMesh* behind) : mesh_(behind) { set(false); }
+  ~NoRayWaits() { set(true); }
+  NoRayWaits(const NoRayWaits&) = delete;
+  NoRayWaits& operator=(const NoRayWaits&) = delete;
+
+ private:
+  void set(bool wait) const {
+    if (mesh_ != nullptr) mesh_->setWaiting(wait);
+  }
+  const hccm::PagedMesh* mesh_;
+};
 
 }  // namespace
 
@@ -87,6 +107,7 @@ SessionState Session::state() const {
   s.interactive = preview_ != nullptr;
   if (!preview_) return s;
   s.lightOfBefore = light_.hasLight();
+  s.exactPreviews = !light_.shared();
   s.previewCells = preview_->tiles.coarseCells();
   s.previewSamples = preview_->tiles.samplesDone();
   return s;
@@ -103,6 +124,9 @@ void Session::perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer
     time();
     return keepGoing() && !goal_.late(samplesDone(), report_.renderSeconds);
   };
+  const NoRayWaits noWaits(behind());
+  source_.waitsAtLast = helper_ == nullptr || !helper_->takesAll();
+  previewSource_.waitsAtLast = source_.waitsAtLast;
   switch (work.kind) {
     case Work::Kind::kSamples:
       frame_->tiles.setBarrier(work.barrier);
@@ -112,14 +136,17 @@ void Session::perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer
       lookAtGoal();
       break;
     case Work::Kind::kPhotons:
-      shootPhotons(work.photons, going);
+      shootAsPagesCome(work.photons, going);
       break;
     case Work::Kind::kLight:
       renewLight();
       break;
     case Work::Kind::kPreview:
       preview_->tiles.setBarrier(work.barrier);
-      samples_.take(*preview_, previewSource_, light_, going, pointer);
+      do {
+        samples_.take(*preview_, previewSource_, light_, going, pointer);
+      } while (preview_->tiles.pagesAwaited() > 0 && going() &&
+               awaitPages(preview_->tiles.pagesAwaited()));
       break;
   }
   ++turn_;
@@ -130,9 +157,36 @@ void Session::perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer
 void Session::takeSamples(const KeepGoing& keepGoing, vec2 pointer) {
   if (sharer_) return sharer_->take(*this, keepGoing);
   if (helper_) helper_->exchange(*this, keepGoing);
+  const auto lacks = [&] { return frame_->tiles.pagesAwaited(); };
   do {
     samples_.take(*frame_, source_, light_, keepGoing, pointer);
-  } while (helper_ && keepGoing() && helper_->await(*this, keepGoing));
+  } while ((helper_ || lacks() > 0) && keepGoing() &&
+           ((helper_ && helper_->await(*this, keepGoing)) || awaitPages(lacks())));
+}
+
+/// A mesh whose pages come behind rays that do not wait, or null.
+const hccm::PagedMesh* Session::behind() const {
+  const hccm::PagedMesh* paged = model_->rays->parts().paged.get();
+  return settings_.interactive && paged != nullptr && paged->fetcher() != nullptr ? paged : nullptr;
+}
+
+/// Waits a little until so many pages have come. False for none.
+bool Session::awaitPages(std::uint64_t count) const {
+  if (count == 0) return false;
+  readingPages([&] { behind()->fetcher()->await(count, kPageSeconds); });
+  return true;
+}
+
+/// Photons of which one missed a page come to nothing, and are shot again once it is there.
+void Session::shootAsPagesCome(std::uint64_t photons, const KeepGoing& keepGoing) {
+  const hccm::PagedMesh* mesh = behind();
+  do {
+    const std::uint64_t missed = model_->rays->missed(), before = light_.pass()->emitted();
+    if (mesh != nullptr) mesh->setWaiting(lightTries_ >= kMostLightTries);
+    shootPhotons(photons, keepGoing);
+    if (light_.pass()->emitted() != before) lightTries_ = 0;
+    lightTries_ = model_->rays->missed() == missed ? 0 : lightTries_ + 1;
+  } while (lightTries_ > 0 && keepGoing() && awaitPages(mesh->fetcher()->asked()));
 }
 
 /// Samples at which the dial or the goal looks at the sums.
@@ -184,8 +238,14 @@ void Session::renewLight() {
   const bool photons = light_.state() == VoxelLight::State::kPhotons;
   if (photons && settings_.interactive) light_.aimAt(view_);
   const double mark = secondsNow();
+  const std::uint64_t missed = model_->rays->missed();
+  if (behind() != nullptr) behind()->setWaiting(lightTries_ >= kMostLightTries);
   light_.renew(*model_, *walks_, *lights_, view_, settings_.width, settings_.height);
   if (photons) report_.aimSeconds = secondsNow() - mark;
+  if (model_->rays->missed() == missed) return;
+  ++lightTries_;
+  light_.invalidate(VoxelLight::State::kPhotons);  // they are aimed anew
+  awaitPages(behind()->fetcher()->asked());
 }
 
 double Session::progress() const {
@@ -202,8 +262,13 @@ double Session::estimatedError(std::uint32_t stride) const {
   return error < kInfinity ? error : -1.0;
 }
 
-PathSample Session::probe(std::uint32_t x, std::uint32_t y, std::uint32_t sample) const {
-  return source_.tracer->sample({x, y, sample, true}, settings_.width);
+std::optional<PathSample> Session::probe(std::uint32_t x, std::uint32_t y,
+                                         std::uint32_t sample) const {
+  const NoRayWaits noWaits(behind());
+  const std::uint64_t missed = model_->rays->missed();
+  const PathSample taken = source_.tracer->sample({x, y, sample, true}, settings_.width);
+  if (model_->rays->missed() != missed) return {};
+  return taken;
 }
 
 /// Samples of a pixel that are under way at once where paths wait for pages.
@@ -300,6 +365,7 @@ SampleSource Session::source(const LightCache* cache, CausticMaps* caustics) {
     guess.noise = frame_->photonNoise != nullptr;
   }
   SampleSource made;
+  made.behind = behind();
   made.tracer =
       std::make_unique<PathTracer>(model_->scene, *model_->rays, *lights_, *camera_, guess,
                                    settings_.seed, !settings_.transparent, caustics);

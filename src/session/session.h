@@ -150,7 +150,8 @@ class Session {
   void helpBy(SampleHelper* helper);
   /// A unit of the frame that someone else takes: see TileScheduler::lend().
   std::optional<TileUnit> lend() { return frame_->tiles.lend(); }
-  void release(const TileUnit& unit) { frame_->tiles.release(unit.tile); }
+  std::optional<TileUnit> lendCoarse() { return frame_->tiles.lendCoarse(); }
+  void release(const TileUnit& unit) { frame_->tiles.release(unit); }
   /// Grows when the frame begins anew: units of before are void.
   std::uint32_t frameNumber() const { return frameNumber_; }
   /// Samples read the light that there is now.
@@ -197,8 +198,9 @@ class Session {
   /// estimatePictureError(), or UnfilteredPixels without a denoiser; negative while they can't
   /// tell.
   double estimatedError(std::uint32_t stride = 1) const;
-  /// A pair of a guess and an exact sample, beside the frame: for estimates of the bias.
-  PathSample probe(std::uint32_t x, std::uint32_t y, std::uint32_t sample) const;
+  /// A pair of a guess and an exact sample, beside the frame: for estimates of the bias. Nothing if
+  /// a page that it needs is not there and comes behind.
+  std::optional<PathSample> probe(std::uint32_t x, std::uint32_t y, std::uint32_t sample) const;
   const VoxelLight& light() const { return light_; }
   const LightSet& lights() const { return *lights_; }
   const CameraRays& cameraRays() const { return *camera_; }
@@ -245,6 +247,9 @@ class Session {
   std::uint32_t samplesAtOnce() const;
   void restartFrames();
   bool inPages() const { return model_->rays->parts().paged != nullptr; }
+  const hccm::PagedMesh* behind() const;
+  bool awaitPages(std::uint64_t count) const;
+  void shootAsPagesCome(std::uint64_t photons, const KeepGoing& keepGoing);
   std::uint64_t pixels() const { return std::uint64_t{settings_.width} * settings_.height; }
   std::vector<std::span<std::byte>> sums();
   std::vector<vec3> shown();
@@ -275,6 +280,7 @@ class Session {
   SampleSharer* sharer_ = nullptr;  ///< not ours
   SampleHelper* helper_ = nullptr;  ///< likewise
   std::uint32_t frameNumber_ = 0;
+  std::uint32_t lightTries_ = 0;  ///< that a page was missing in, since photons were shot
 };
 
 }  // namespace trex

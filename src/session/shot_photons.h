@@ -35,6 +35,8 @@ class PhotonSharer {
   /// All of a batch; none if keepGoing, or `here`, gave it up. Called again it goes on.
   virtual std::optional<ShotPhotons> shoot(const PhotonBatch& batch, const ShootHere& here,
                                            const std::function<bool()>& keepGoing) = 0;
+  /// Whether nothing is ever shot here, so that nothing here need know where photons had better go.
+  virtual bool shootsAll() const { return false; }
 };
 
 }  // namespace trex

@@ -69,6 +69,7 @@ class VoxelLight {
              std::uint64_t before = 0);
   /// Photons that start from now on are shot together with other machines; it outlives this.
   void share(PhotonSharer* sharer) { sharer_ = sharer; }
+  bool shared() const { return sharer_ != nullptr; }
   /// Asked by any thread while photons wait for pages: LightPass::run().
   void setGiveUp(std::function<bool()> ask) { giveUp_ = std::move(ask); }
 

@@ -1,5 +1,8 @@
 #include "src/viewer/model_opener.h"
 
+#include <algorithm>
+
+#include "hccmesh/page_cache.h"
 #include "src/core/memory.h"
 #include "src/session/preflight.h"
 #include "src/session/session.h"
@@ -30,8 +33,26 @@ void openSource(const ModelOpening& o, const std::function<void(Background::Deli
   deliver([take = o.takeVoxels, tree, device] { take(tree, device); });
 }
 
+/// For pages of a streamed bundle; 0: all of them.
+std::uint64_t cacheFor(const ModelOpening& o, const Scene& scene, const ModelOptions& model) {
+  if (o.cacheBytes > 0) return o.cacheBytes;
+  if (o.settings.maxMemory == 0) return 0;
+  const Preflight fit = preflight(scene, o.settings, {}, model.bakedVoxels, model.paged.topLevel);
+  return std::max<std::uint64_t>((fit.allowed - fit.needed) / 8 * 7, 1);
+}
+
 void openBaked(const ModelOpening& o, const std::function<void(Background::Delivery)>& deliver) {
-  auto model = std::make_shared<Model>(openBundle(o.input, o.options));
+  OpenOptions open = o.options;
+  open.prepare = [&](const Scene& scene, ModelOptions& made) {
+    if (made.paged.pages > 0)
+      made.cacheBytes = std::min(cacheFor(o, scene, made), made.paged.pages);
+  };
+  auto model = std::make_shared<Model>(
+      o.remote ? openRemoteBundle(o.remote->file, o.remote->bytes, o.input.string(), open)
+               : openBundle(o.input, open));
+  if (hccm::PagedMesh* pages = model->rays->parts().paged.get(); pages != nullptr && o.remote) {
+    pages->fetchBehind();
+  }
   const auto tree = std::exchange(model->voxels, nullptr);
   const std::vector<Material> materials = model->scene.materials;
   // Images are not edited, and stay with the model, which is kept until its device is made.
@@ -48,7 +69,7 @@ void openBaked(const ModelOpening& o, const std::function<void(Background::Deliv
 
 Background::Job openingJob(ModelOpening opening) {
   return [o = std::move(opening)](const std::function<void(Background::Delivery)>& deliver) {
-    isBundlePath(o.input) ? openBaked(o, deliver) : openSource(o, deliver);
+    o.remote || isBundlePath(o.input) ? openBaked(o, deliver) : openSource(o, deliver);
   };
 }
 

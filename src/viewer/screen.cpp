@@ -45,8 +45,6 @@ void Screen::restart(bool hold) {
 
 bool Screen::update(const Session& session, const Session* exact, const Look& look,
                     const ViewState& state, const std::function<double()>& left) {
-  image_.width = session.frame().width();
-  image_.height = session.frame().height();
   if (state.mode != painted_.mode || state.voxelLevel != painted_.voxelLevel) {
     dropJob();
     spacing_ = 0;
@@ -69,7 +67,9 @@ bool Screen::update(const Session& session, const Session* exact, const Look& lo
       !isPainted_ || exposure_ != look.exposure || painted_.mode != state.mode ||
       painted_.split != state.split || painted_.toneOperator != state.toneOperator ||
       painted_.splitAt != state.splitAt || painted_.selectedObject != state.selectedObject;
-  if (linear_.size() != std::size_t{image_.width} * image_.height) return false;
+  if (linear_.size() != std::size_t{session.frame().width()} * session.frame().height()) {
+    return false;
+  }
   if (!changed && !exactNews && !restyled) return false;
   const double before = left();
   paint(session, exact, look, state);
@@ -170,6 +170,8 @@ bool Screen::inspect(const Session& session, const ViewState& state,
 
 void Screen::paint(const Session& session, const Session* exact, const Look& look,
                    const ViewState& state) {
+  image_.width = session.frame().width();
+  image_.height = session.frame().height();
   if (state.mode == ViewMode::kBeauty || state.mode == ViewMode::kPhotons) {
     const std::vector<vec3>* shown = &linear_;
     std::vector<vec3> both;

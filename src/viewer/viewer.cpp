@@ -6,6 +6,7 @@
 #include <cmath>
 #include <exception>
 
+#include "hccmesh/page_cache.h"
 #include "src/core/error.h"
 #include "src/core/log.h"
 #include "src/session/preflight.h"
@@ -43,6 +44,7 @@ Viewer::~Viewer() {
 void Viewer::open(const std::filesystem::path& input) { impl_->open(input); }
 OpenPhase Viewer::phase() const { return impl_->phase; }
 std::string Viewer::message() const { return impl_->message; }
+std::optional<ExitCode> Viewer::lost() const { return impl_->lost; }
 const std::filesystem::path& Viewer::input() const { return impl_->input; }
 const ScreenImage& Viewer::screen() const { return impl_->screen.image(); }
 ViewState& Viewer::state() { return impl_->state; }
@@ -96,6 +98,8 @@ void Viewer::Impl::open(const std::filesystem::path& path) {
   message = fmt::format("Opening {}", path.filename().string());
   ModelOpening o;
   o.input = path;
+  if (!session && path == options.input) o.remote = options.remote;
+  o.cacheBytes = options.cacheBytes;
   o.settings = options.settings;
   o.settings.interactive = true;
   o.options.useStale = options.useStale;
@@ -153,6 +157,7 @@ void Viewer::Impl::takeMeshes(std::shared_ptr<Model> model, const ModelOptions& 
   session.reset();
   editor.reset();
   state = ViewState{};
+  lost.reset();
   input = opening;
   modelOptions = made;
   editor = std::make_unique<ModelEditor>(model, made);
@@ -174,6 +179,10 @@ void Viewer::Impl::takeMeshes(std::shared_ptr<Model> model, const ModelOptions& 
                                       viewerLayers(settings.dial));
   session->beforeLight([this] { editor->updateVoxelValues(); });
   session->helpBy(options.helper);
+  const hccm::PagedMesh* pages = session->rays().parts().paged.get();
+  if (pages != nullptr && pages->fetcher() != nullptr && !pages->cache().holdsAll()) {
+    session->sharePhotons(options.remote->photons);
+  }
   if (made.voxels) session->voxelsAreComing();
   phase = made.voxels ? OpenPhase::kVoxels : OpenPhase::kReady;
   message = made.voxels ? "Building voxels" : "";
@@ -221,7 +230,9 @@ void Viewer::Impl::rebuildVoxels() {
 // ---- steps ----
 
 bool Viewer::Impl::idle() const {
-  if (background.hasDelivery() || lookChanged) return false;
+  if (background.hasDelivery()) return false;
+  if (lost) return true;
+  if (lookChanged) return false;
   if (!session) return !background.busy();
   if (wantVoxels && !background.busy()) return false;
   if (restyled()) return false;
@@ -276,11 +287,11 @@ StepReport Viewer::Impl::step(double seconds) {
   StepReport report;
   const double start = secondsNow(), deadline = start + seconds;
   background.take();
-  if (!session) return report;
+  if (!session || lost) return report;
   try {
     work(deadline, report);
   } catch (const Error& e) {
-    if (e.code() != ExitCode::kMemoryOrDevice || !leaveDevice(e)) throw;
+    if (!(e.code() == ExitCode::kMemoryOrDevice && leaveDevice(e)) && !loseModel(e)) throw;
   }
   report.seconds = secondsNow() - start;
   if (recoveryDue && secondsNow() > nextRecovery) keepRecovery();
@@ -375,6 +386,16 @@ bool Viewer::Impl::leaveDevice(const Error& e) {
   return true;
 }
 
+/// Pages of the model can't be read any more: what is shown stays. False if it is not elsewhere.
+bool Viewer::Impl::loseModel(const Error& e) {
+  const hccm::PagedMesh* pages = editor->model().rays->parts().paged.get();
+  if (pages == nullptr || pages->fetcher() == nullptr) return false;
+  lost = e.code();
+  message = fmt::format("{}; what is shown stays, and it and the edits can be saved", e.what());
+  logError("{}", message);
+  return true;
+}
+
 /// Two paired samples of a pixel far beyond those of the frame: the product of their differences
 /// estimates the square of the guess's bias there.
 void Viewer::Impl::probe() {
@@ -388,9 +409,10 @@ void Viewer::Impl::probe() {
     const std::uint32_t number = bias.count++;
     const std::uint32_t pixel = hash32(number ^ 0x5bd1e995u) % (width * height);
     const std::uint32_t x = pixel % width, y = pixel / width;
-    const PathSample a = session->probe(x, y, 0x40000000u + 2 * number),
-                     b = session->probe(x, y, 0x40000001u + 2 * number);
-    const dvec3 da(a.exact - a.guess), db(b.exact - b.guess), mean = frame.sums.mean(x, y);
+    const auto a = session->probe(x, y, 0x40000000u + 2 * number),
+               b = session->probe(x, y, 0x40000001u + 2 * number);
+    if (!a || !b) continue;
+    const dvec3 da(a->exact - a->guess), db(b->exact - b->guess), mean = frame.sums.mean(x, y);
     if (!isFinite(vec3(da)) || !isFinite(vec3(db))) continue;
     const dvec3 bound = mean * mean + 0.01 * bias.meanSquare + 1e-12;
     bias.meanSquare += (glm::dot(mean, mean) / 3.0 - bias.meanSquare) / (number + 1.0);

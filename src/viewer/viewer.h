@@ -11,12 +11,15 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "hccmesh/pages.h"
+#include "src/core/error.h"
 #include "src/core/maths.h"
 #include "src/frame/image_file.h"
 #include "src/scene/import.h"
@@ -27,15 +30,26 @@
 
 namespace trex {
 
+/// A bundle that another machine has.
+struct RemoteModel {
+  std::shared_ptr<const hccm::PageFile> file;
+  std::uint64_t bytes = 0;
+  std::function<void()> leave;  ///< nothing is read from it any more: reads throw
+  /// Shoots photons where not all pages have room here; outlives the viewer.
+  PhotonSharer* photons = nullptr;
+};
+
 struct ViewerOptions {
-  std::filesystem::path input;       ///< may be empty: nothing is open
-  std::filesystem::path edits;       ///< overlay to start from; may be empty
-  std::string environment;           ///< as --env; empty: the file's
-  std::vector<std::string> volumes;  ///< as --volume
-  std::string camera;                ///< as --camera; empty: the first one
-  ImportOptions import;              ///< without volumes and the memory limit
-  RenderSettings settings;           ///< samples: where refining ends
-  double budgetSeconds = 0.033;      ///< of a step
+  std::filesystem::path input;        ///< may be empty: nothing is open
+  std::optional<RemoteModel> remote;  ///< `input` is this one's name there
+  std::uint64_t cacheBytes = 0;       ///< of pages of a streamed bundle; 0: what memory allows
+  std::filesystem::path edits;        ///< overlay to start from; may be empty
+  std::string environment;            ///< as --env; empty: the file's
+  std::vector<std::string> volumes;   ///< as --volume
+  std::string camera;                 ///< as --camera; empty: the first one
+  ImportOptions import;               ///< without volumes and the memory limit
+  RenderSettings settings;            ///< samples: where refining ends
+  double budgetSeconds = 0.033;       ///< of a step
   bool useStale = false;
   bool recovery = true;  ///< keep unsaved edits in a recovery file
   /// Other machines that have `input`, too; it outlives the viewer. Null: none.
@@ -130,9 +144,13 @@ class Viewer {
   OpenPhase phase() const;
   /// What is going on, or what went wrong; empty if there is nothing to say.
   std::string message() const;
+  /// Pages of a model at another machine can't be read any more: what is shown stays, nothing is
+  /// traced, and this is the exit code. message() says why.
+  std::optional<ExitCode> lost() const;
   const std::filesystem::path& input() const;
 
-  /// Does what comes next for at most about `seconds`. Throws Error for a lost device (code 4).
+  /// Does what comes next for at most about `seconds`; rays do not wait for pages of a model that
+  /// is elsewhere. Throws Error for a lost device (code 4).
   StepReport step(double seconds);
   /// True if step() has nothing to do: converged, paused, or empty, and nothing in the background.
   bool idle() const;

@@ -159,7 +159,10 @@ void Viewer::savePicture(const fs::path& path) {
   }
   // A picture has no holes: the first sample of every pixel is finished first.
   const bool paused = std::exchange(m.state.paused, false);
-  while (m.session->samplesDone() == 0) m.step(0.05);
+  while (m.session->samplesDone() == 0) {
+    if (m.lost) fail(ExitCode::kOutput, "{}: {}", path.string(), m.message);
+    m.step(0.05);
+  }
   m.state.paused = paused;
   Picture picture = m.session->picture();
   picture.metadata = {{"trex:version", kVersion},

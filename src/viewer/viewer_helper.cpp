@@ -13,6 +13,7 @@ void Viewer::Impl::tellHelper() {
 
 /// They have the first model alone.
 void Viewer::Impl::leaveHelper() {
+  if (options.remote) options.remote->leave();
   if (options.helper == nullptr) return;
   logWarning("the other machines have another model open; going on without them");
   options.helper = nullptr;

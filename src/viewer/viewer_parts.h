@@ -62,6 +62,7 @@ struct Viewer::Impl {
   OpenPhase phase = OpenPhase::kEmpty;
   std::string message;
   ExitCode failureCode = ExitCode::kDone;
+  std::optional<ExitCode> lost;  ///< the model can't be read any more
   std::filesystem::path input, opening;
   ModelOptions modelOptions;
   // Sessions read the editor's model, and background work too: it ends first.
@@ -102,6 +103,7 @@ struct Viewer::Impl {
   float suitableExposure() const;
   void startExact();
   bool leaveDevice(const Error& e);
+  bool loseModel(const Error& e);
   void probe();
   void keepRecovery();
   double measureSplit() const;

@@ -5,13 +5,14 @@
                 [--model FILE] [--page-disk auto|off] [--by-machine]
     machines.py --trex build/trex --kill FOLDER [--triangles 1e6] [--share 0.4] [--runs 3]
 
-    machines.py --trex build/trex --window [--megabits 100] [--share 0.4] [--triangles 1e6] [--runs 3]
+    machines.py --trex build/trex --window [--megabits 100] [--share 0.4] [--triangles 1e6] [--runs 3] [--elsewhere SHARES]
 
 The second, with the Open MPI 5 of scripts/openmpi5 FOLDER: four processes with a share of the cores each, undisturbed and with one
 killed at half time, in turn (no links: all on this machine).
 
 The third: a window by itself, and one with a server (trex worker) at the other end of a link, in turn: edit to coarse frame, and to a
-picture of so many samples. Needs Xvfb.
+picture of so many samples. Needs Xvfb. --elsewhere: the model is the server's alone; the window has room for these shares of its pages
+(1: all), and what its pages take of the link before the coarse frame is said apart.
 
 Prints for each number of machines how long the same picture takes, and what travelled: central scene database (only machine 0 has
 the model, the others start with nothing) and local copies. All pictures must have the same bytes. Leaves nothing behind."""
@@ -159,8 +160,16 @@ def window(a, trex, folder, model):
     script, report = os.path.join(folder, "script.json"), os.path.join(folder, "report.json")
     with open(script, "w") as f:
         json.dump({"trex": 1, "size": a.size, "steps": steps}, f)
-    view = [trex, "view", model, "--replay", script, "--report", report, "--device", "none", "--exact", a.exact, "--spp", a.spp,
+    view = [trex, "view", "--replay", script, "--report", report, "--device", "none", "--exact", a.exact, "--spp", a.spp,
             "--threads", 1, "-q"]
+    worker = [":", "-n", 1, trex, "worker", "--threads", 1]
+    ways = {"alone": [*view, model], "with a server": [*view, model, *worker]}
+    if a.elsewhere:
+        pages = json.loads(call(trex, "info", model, "--json").stdout)["mesh_pages"]
+        del ways["with a server"]
+        for share in a.elsewhere.split(","):
+            cache = max(int(pages["memory_bytes"] * float(share)) + 8192, pages["largest_page_bytes"] + 8192)
+            ways[f"model elsewhere, room for {share}"] = [*view, "--cache", cache, *worker, model]
     reading, writing = os.pipe()
     xvfb = subprocess.Popen(["Xvfb", "-displayfd", str(writing), "-screen", "0", "1280x720x24", "-nolisten", "tcp"], pass_fds=[writing],
                             stderr=subprocess.DEVNULL)
@@ -171,28 +180,35 @@ def window(a, trex, folder, model):
             os.environ["DISPLAY"] = ":" + pipe.readline().strip()
         for megabits in a.megabits.split(","):
             machines = Machines(2, megabits, a.share, folder)
-            coarse, settled, used, samples = {}, {}, {}, 0
+            coarse, settled, used, samples, opened, longest = {}, {}, {}, {}, {}, {}
             for run in range(a.runs):
-                for who, servers in (("alone", []), ("served", [":", "-n", 1, trex, "worker", "--threads", 1])):
-                    machines.call(1, [*view, *servers])
+                for who, command in ways.items():
+                    machines.call(1, command)
                     with open(report) as f:
                         said = json.load(f)
                     for step in said["steps"]:
                         if step["label"] in kinds:
-                            coarse.setdefault((who, step["label"]), []).append(step["first_coarse_ms"])
+                            link = 8e-3 * step["first_coarse_page_bytes"] / float(megabits) if "elsewhere" in who else 0.0
+                            coarse.setdefault((who, step["label"]), []).append((step["first_coarse_ms"], link))
                     settling = [step for step in said["steps"] if step["label"] == "settle"]
                     settled.setdefault(who, []).append(sum(step["seconds"] for step in settling))
                     used.setdefault(who, []).append(sum(step["processor_seconds"] for step in settling))
-                    samples = said["machines"][1]["samples"] if servers else samples
+                    opened.setdefault(who, []).append(said["open"]["first_coarse_ms"])
+                    longest[who] = max(longest.get(who, 0.0), said["turns"]["longest_step_ms"])
+                    samples[who] = said["machines"][1]["samples"] if len(said.get("machines", [])) > 1 else 0
             machines.remove()
             for kind in kinds:
-                ms = {who: statistics.median(coarse[who, kind]) for who in ("alone", "served")}
-                print(f"{megabits:>4} Mbit  {kind:>8}: edit to coarse frame {ms['alone']:6.1f} ms alone, {ms['served']:6.1f} ms with a server "
-                      f"(bar 67), medians of {len(coarse['alone', kind])}", flush=True)
-            seconds = {who: statistics.median(s) for who, s in settled.items()}
-            print(f"{megabits:>4} Mbit  edit to {a.spp} samples: {seconds['alone']:.2f} s alone, {seconds['served']:.2f} s with a server, "
-                  f"{seconds['alone'] / seconds['served']:.2f}x; the window's processor {statistics.median(used['alone']):.2f} s and "
-                  f"{statistics.median(used['served']):.2f} s; {samples} samples by the server in the last run", flush=True)
+                for who in ways:
+                    times = coarse[who, kind]
+                    ms, link, rest = (statistics.median(t) for t in zip(*((t, l, t - l) for t, l in times)))
+                    print(f"{megabits:>4} Mbit  {kind:>8}: edit to coarse frame {ms:6.1f} ms {who}"
+                          + (f"; link {link:.1f} ms, beyond it {rest:.1f} ms" if "elsewhere" in who else "")
+                          + f" (bar 67), medians of {len(times)}", flush=True)
+            for who in ways:
+                seconds = statistics.median(settled[who])
+                print(f"{megabits:>4} Mbit  edit to {a.spp} samples: {seconds:.2f} s {who}, {statistics.median(settled['alone']) / seconds:.2f}x; the "
+                      f"window's processor {statistics.median(used[who]):.2f} s; {samples[who]} samples by the server in the last run; opened in "
+                      f"{1e-3 * statistics.median(opened[who]):.2f} s; longest step {longest[who]:.0f} ms", flush=True)
     finally:
         if machines:
             machines.remove()
@@ -215,6 +231,7 @@ def main():
     parser.add_argument("--by-machine", action="store_true", help="what each machine's time went into")
     parser.add_argument("--kill", help="folder of scripts/openmpi5: what a death costs")
     parser.add_argument("--window", action="store_true", help="a window and a server")
+    parser.add_argument("--elsewhere", help="shares of the pages' memory: the window does not have the model")
     parser.add_argument("--edits", type=int, default=20, help="of a window, of each class")
     parser.add_argument("--runs", type=int, default=1, help="medians of so many")
     a = parser.parse_args()

@@ -107,6 +107,9 @@ void read(ByteView message, std::uint32_t contents, std::size_t count) {
     case Kind::kPart:
       readAndWrite<Part>(message, body);
       break;
+    case Kind::kNoPart:
+      readAndWrite<NoPart>(message, body);
+      break;
     case Kind::kLit:
       readAndWrite<Lit>(message, body);
       break;
@@ -158,7 +161,7 @@ extern "C" std::size_t LLVMFuzzerCustomMutator(std::uint8_t* data, std::size_t s
   if (size < kBefore + kHeadBytes || seed % 16 == 0) return size;
   std::uint16_t kind = 0;
   std::memcpy(&kind, data + kBefore + 4, sizeof(kind));
-  kind = static_cast<std::uint16_t>(1 + kind % static_cast<unsigned>(Kind::kLent));
+  kind = static_cast<std::uint16_t>(1 + kind % static_cast<unsigned>(kLastKind));
   Bytes message(size - kBefore);
   std::memcpy(message.data(), data + kBefore, message.size());
   writeHead(static_cast<Kind>(kind), message);

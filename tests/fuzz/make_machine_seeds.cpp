@@ -35,7 +35,9 @@ int main(int argc, char** argv) {
   folder_ = fs::path(argv[1]) / "machines";
   fs::create_directories(folder_);
   write("hello", Hello{"0.1.0", "host", 1, 2, 3});
+  write("hello_model", Hello{"0.1.0", "host", 1, 2, 3, "/models/a.trex", 123456, 77});
   write("welcome", Welcome{0, 1, {5, 0, 7, 0}});
+  write("welcome_elsewhere", Welcome{0, 1, {5, 0}, 1, 2, "/models/a.trex"});
   write("ready", Ready{5});
   write("view", SetView{1});
   write("set", ViewSet{1, "none"});
@@ -44,6 +46,7 @@ int main(int argc, char** argv) {
   write("job", GiveJob{2, 3, 64, 72});
   write("fetch", Fetch{1, {{65536, 0, 4096}, {131072, 0, 512}}});
   write("part", Part{1, Bytes(40, std::byte{3})});
+  write("no_part", NoPart{1, 3, "a.trex, byte 4096: can't be read"});
   trex::ShotPhotons photons;
   photons.records = {{glm::vec3(1.0f), 7, glm::vec3(2.0f), 300},
                      {glm::vec3(3.0f), 8, glm::vec3(0.5f), 301}};
@@ -61,8 +64,9 @@ int main(int argc, char** argv) {
   write("lit", Lit{1, 4096});
   write("serve", Serve{640, 360, trex::machines::joinArguments({"a.trex", "--spp", "4"})});
   write("edit", Edit{1, 640, 360, R"({"trex": 1, "edits_of": ""})"});
-  write("aim", Aim{1, 4096, 77, R"({"trex": 1, "edits_of": "", "light": {"photons": 4096}})"});
-  write("lent", Lent{1, 2, 1, 4096, 0.5, kPairs | kRays, {{0, 0, 16}, {3, 1, 0}}, {0.0, 0.5}});
+  write("aim", Aim{1, 4096, 77, R"({"trex": 1, "edits_of": "", "light": {"photons": 4096}})", 1});
+  write("lent",
+        Lent{1, 2, 1, 4096, 0.5, kPairs | kRays, {{0, 0, 16, 64}, {3, 1, 0, 1}}, {0.0, 0.5}});
   std::vector<trex::TakenSample> samples(5);
   samples[1].paired = samples[4].paired = true;
   for (const std::uint32_t contents : {0u, 1u, 33u, 62u, 63u, 127u, 255u}) {

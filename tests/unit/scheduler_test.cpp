@@ -121,7 +121,7 @@ TEST(TileScheduler, WhatIsLentIsTakenNowhereElse) {
   EXPECT_EQ(third->firstCell, 0u);
   s.cameBack(*third);
   EXPECT_EQ(s.state(first->tile).sample, 2u);
-  s.release(second->tile);  // taken here after all
+  s.release(*second);  // taken here after all
   takeAll();
   EXPECT_TRUE(s.atBarrier());
   s.setBarrier(3);
@@ -131,6 +131,98 @@ TEST(TileScheduler, WhatIsLentIsTakenNowhereElse) {
   ASSERT_TRUE(s.lend());
   s.restart();
   EXPECT_EQ(s.freeTiles(), s.tiles().size());
+}
+
+TEST(TileScheduler, WhatLacksPagesIsNextOnceTheyAreThere) {
+  TileScheduler s = make(TileScheduler::Order::kPerception, 200, 136);
+  s.setLooks(8);
+  s.setBarrier(2);
+  std::map<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>, int> given;
+  std::map<std::uint32_t, std::set<std::uint32_t>> looks;
+  std::uint64_t asked = 0, come = 0;
+  bool missed = false;
+  for (int frame = 0; frame < 10'000 && !s.atBarrier(); ++frame) {
+    if (frame % 2 == 1) come = asked;
+    s.setPages(come);
+    s.beginFrame(vec2(0.2f, 0.7f), 512);
+    for (int i = 0; i < 4; ++i) {
+      const auto unit = s.next();
+      if (!unit) break;
+      EXPECT_LE(s.state(unit->tile).pages, come) << "its pages are not there";
+      // Every third unit, and what follows it in its tile.
+      if ((frame + i) % 3 == 0) {
+        s.putBack(*unit, ++asked);
+        missed = true;
+        EXPECT_GT(s.pagesAwaited(), come);
+        continue;
+      }
+      if (unit->look) {
+        EXPECT_TRUE(looks[unit->tile].insert(s.state(unit->tile).looks).second);
+        continue;
+      }
+      s.wasWhole(unit->tile);
+      EXPECT_EQ(s.state(unit->tile).tries, 0u);
+      for (std::uint32_t cell = unit->firstCell; cell < unit->endCell; ++cell) {
+        EXPECT_EQ((++given[{unit->tile, unit->sample, cell}]), 1);
+      }
+    }
+  }
+  EXPECT_TRUE(missed);
+  EXPECT_TRUE(s.atBarrier());
+  EXPECT_EQ(given.size(), s.tiles().size() * 2 * lattice::kCells);
+  EXPECT_EQ(looks.size(), s.tiles().size());
+  for (const auto& [tile, rounds] : looks) EXPECT_EQ(rounds.size(), 9u) << tile;
+}
+
+TEST(TileScheduler, TheCoarseFrameOfWhatLacksPagesIsLent) {
+  TileScheduler s = make(TileScheduler::Order::kPerception, 200, 136);
+  s.setBarrier(2);
+  s.setPages(3);
+  s.beginFrame(vec2(0.2f, 0.7f), 512);
+  EXPECT_FALSE(s.lendCoarse());
+  const auto whole = s.lend();  // as it happens before it is known what lacks pages
+  ASSERT_TRUE(whole);
+  const auto tiles = static_cast<std::uint32_t>(s.tiles().size());
+  std::vector<TileUnit> units;
+  for (std::uint32_t i = 0; i < tiles; ++i) units.push_back(*s.next());
+  for (const TileUnit& unit : units) s.putBack(unit, 4);
+  EXPECT_FALSE(s.next());
+  EXPECT_EQ(s.coarseTilesToLend(), tiles);
+  s.release(*s.lendCoarse());  // it will not come: another time
+  for (std::uint32_t i = 0; i < tiles; ++i) {
+    const auto unit = s.lendCoarse();
+    ASSERT_TRUE(unit);
+    EXPECT_EQ(unit->sample, 0u);
+    EXPECT_EQ(unit->firstCell, 0u);
+    EXPECT_EQ(unit->endCell, 1u);
+    EXPECT_TRUE(s.isReadyFor(*unit));
+    s.cameBack(*unit);
+    EXPECT_FALSE(s.isReadyFor(*unit));
+  }
+  EXPECT_EQ(s.coarseCells(), 1u);
+  const auto next = s.lendCoarse();
+  ASSERT_TRUE(next);
+  EXPECT_EQ(next->firstCell, 1u);
+  EXPECT_EQ(next->endCell, 4u);
+  // Pages come: all but what is still lent goes on here, and nothing twice.
+  s.setPages(4);
+  EXPECT_EQ(s.coarseTilesToLend(), 0u);
+  for (int frame = 0; frame < 100; ++frame) {
+    s.beginFrame(vec2(0.2f, 0.7f), 512);
+    while (const auto unit = s.next()) EXPECT_NE(unit->tile, next->tile);
+  }
+  s.cameBack(*next);
+  for (int frame = 0; frame < 100; ++frame) {
+    s.beginFrame(vec2(0.2f, 0.7f), 512);
+    while (s.next()) continue;
+  }
+  ASSERT_TRUE(s.isReadyFor(*whole));
+  s.cameBack(*whole);
+  for (int frame = 0; frame < 100; ++frame) {
+    s.beginFrame(vec2(0.2f, 0.7f), 512);
+    while (s.next()) continue;
+  }
+  EXPECT_TRUE(s.atBarrier());
 }
 
 TEST(TileScheduler, NoTileWaitsLongerThanPromised) {

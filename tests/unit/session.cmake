@@ -1,6 +1,6 @@
 add_executable(session_test ${CMAKE_CURRENT_LIST_DIR}/session_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/plan_test.cpp ${CMAKE_CURRENT_LIST_DIR}/cone_share_test.cpp ${CMAKE_CURRENT_LIST_DIR}/run_table_test.cpp
-  ${CMAKE_CURRENT_LIST_DIR}/scheduler_test.cpp ${CMAKE_CURRENT_LIST_DIR}/look_test.cpp
+  ${CMAKE_CURRENT_LIST_DIR}/scheduler_test.cpp ${CMAKE_CURRENT_LIST_DIR}/pages_behind_test.cpp ${CMAKE_CURRENT_LIST_DIR}/look_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/alpha_test.cpp ${CMAKE_CURRENT_LIST_DIR}/light_cache_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/preflight_test.cpp)
 target_link_libraries(session_test PRIVATE trex_session GTest::gtest_main)

@@ -45,9 +45,15 @@ class Servers(ViewTest):
         environment = super().environment(display)
         return {k: v for k, v in environment.items() if not k.startswith(("OMPI_", "PMIX_"))}
 
-    def command(self, others, *arguments, worker=(), model=None, mpirun=MPIRUN):
-        return [*mpirun, "-n", "1", view_test.TREX, "view", model or self.model, *map(str, arguments), ":", "-n", str(others),
-                view_test.TREX, "worker", "--threads", "1", *map(str, worker)]
+    def command(self, others, *arguments, worker=(), model=None, mpirun=MPIRUN, holders=()):
+        """`holders`: models that machines 1, 2, ... have in place of the window."""
+        trex = view_test.TREX
+        command = [*mpirun, "-n", "1", trex, "view", *([] if holders else [model or self.model]), *map(str, arguments)]
+        for holder in holders:
+            command += [":", "-n", "1", trex, "worker", "--threads", "1", holder]
+        if others > 0:
+            command += [":", "-n", str(others), trex, "worker", "--threads", "1", *map(str, worker)]
+        return command
 
     def script(self, steps, name="script.json", size=(136, 72)):
         with open(self.path(name), "w") as f:
@@ -77,11 +83,13 @@ class Servers(ViewTest):
         for label in ["opened", *(edit["label"] for edit in edits)]:
             self.same(f"{first}-{label}.exr", f"{second}-{label}.exr")
 
-    def same_as_alone(self, others, *arguments, edits=EDITS, **more):
-        self.replay(self.settled(edits, "alone"), *arguments, size=(136, 72), model=more.get("model") or self.model)
-        report = self.together(others, [{"wait": "machines"}, *self.settled(edits, "together")], *arguments, **more)
+    def same_as_alone(self, others, *arguments, edits=EDITS, here=(), **more):
+        """`here`: of the window that is not alone."""
+        model = more.get("model") or next(iter(more.get("holders", [])), self.model)
+        self.replay(self.settled(edits, "alone"), *arguments, size=(136, 72), model=model)
+        report = self.together(others, [{"wait": "machines"}, *self.settled(edits, "together")], *arguments, *here, **more)
         self.expect_same(edits)
-        self.assertEqual(len(report["machines"]), others + 1)
+        self.assertEqual(len(report["machines"]), others + len(more.get("holders", [])) + 1)
         for machine in report["machines"][1:]:
             self.assertGreater(machine["samples"], 0)
         return report
@@ -103,9 +111,9 @@ class Servers(ViewTest):
         report = self.same_as_alone(1, "--spp", 64, "--exact", 0, "--env", sky, edits=EDITS[4:])
         self.assertGreater(report["machines"][1]["samples"], 0)
 
-    def start(self, others, steps, *arguments, mpirun=MPIRUN, environment=None):
+    def start(self, others, steps, *arguments, mpirun=MPIRUN, environment=None, holders=()):
         p = subprocess.Popen(self.command(others, "--replay", self.script(steps), "--report", "report.json", "--device", "none",
-                                          *arguments, mpirun=mpirun), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                                          *arguments, mpirun=mpirun, holders=holders), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                              cwd=self.folder, env=environment or self.environment())
         self.addCleanup(self.end, p)
         return p
@@ -160,12 +168,7 @@ class Servers(ViewTest):
         self.same("end.exr", "alone.exr")
 
     def test_a_window_outlives_a_server_that_dies(self):
-        folder = os.environ.get("TREX_OPENMPI5")
-        if not folder:
-            self.skipTest("TREX_OPENMPI5 is not the folder that scripts/openmpi5 has made")
-        mpirun = [os.path.join(folder, "bin", "mpirun"), "--with-ft", "ulfm", "--allow-run-as-root", "--bind-to", "none",
-                  "--map-by", ":OVERSUBSCRIBE"]
-        environment = {**self.environment(), "LD_LIBRARY_PATH": os.path.join(folder, "lib")}
+        mpirun, environment = self.openmpi5()
         p = self.start(2, self.LONG, "--spp", 300, mpirun=mpirun, environment=environment)
         self.wait_for("begun.exr", p)
         time.sleep(1.0)
@@ -177,6 +180,89 @@ class Servers(ViewTest):
         self.replay([{"wait": "idle"}, self.EDIT, {"wait": "idle", "save": "alone.exr"}], "--spp", 300, size=(136, 72),
                     model=self.model)
         self.same("end.exr", "alone.exr")
+
+    def streamed(self, triangles="2e4"):
+        """A model in pages, and the memory of all of them."""
+        model = self.path("streamed.trex")
+        subprocess.run([view_test.TREX, "bake", f"synth:assembly?triangles={triangles}&seed=1", "--stream", "-o", model, "-q"],
+                       check=True, capture_output=True)
+        info = subprocess.run([view_test.TREX, "info", model, "--json"], check=True, capture_output=True, text=True).stdout
+        return model, json.loads(info)["mesh_pages"]
+
+    def test_a_window_that_does_not_have_the_model(self):
+        model, pages = self.streamed()
+        report = self.same_as_alone(1, "--spp", 12, edits=EDITS[:3], holders=[model])
+        self.assertGreater(sum(step["page_bytes"] for step in report["steps"]), 10000)
+        self.assertEqual([machine["model_bytes_sent"] for machine in report["machines"]], [0, 0, 0])
+
+    def test_a_window_with_room_for_few_pages(self):
+        model, pages = self.streamed("3e5")
+        cache = pages["memory_bytes"] * 2 // 5
+        self.assertGreater(cache, 10 * pages["largest_page_bytes"])
+        self.same_as_alone(0, "--spp", 6, "--exact", 0, edits=EDITS[:3], holders=[model], here=["--cache", cache])
+
+    def test_a_window_without_a_model_whose_meshes_are_in_no_pages(self):
+        self.same_as_alone(0, "--spp", 24, edits=EDITS[1:], holders=[self.model])
+
+    def test_another_model_after_one_that_lies_elsewhere(self):
+        model, _ = self.streamed()
+        self.together(0, [{"wait": "ready"}, {"open": self.cornell}, {"wait": "idle", "save": "other.exr"}], "--spp", 2,
+                      holders=[model], says="have another model open")
+        self.replay([{"wait": "idle", "save": "own.exr"}], "--spp", 2, size=(136, 72), model=self.cornell)
+        self.same("other.exr", "own.exr")
+
+    def test_who_has_the_model_stops_and_goes_on(self):
+        model, pages = self.streamed("1e5")
+        turn = {"camera": {"orbit": [2.0, 0.3]}}
+        p = self.start(0, [{"wait": "shown", "save": "begun.exr"}, turn, {"wait": "idle", "save": "end.exr"}], "--spp", 150,
+                       "--cache", pages["memory_bytes"] // 3, holders=[model])
+        self.wait_for("begun.exr", p)
+        stopped = self.workers(p)[1]
+        os.kill(stopped, signal.SIGSTOP)
+        try:
+            time.sleep(6.0)
+            self.assertIsNone(p.poll(), "the window has ended")
+        finally:
+            os.kill(stopped, signal.SIGCONT)
+        said = p.communicate(timeout=200)[1]
+        self.assertEqual(p.returncode, 0, said)
+        self.replay([{"wait": "shown", "save": "alone-begun.exr"}, turn, {"wait": "idle", "save": "alone.exr"}], "--spp", 150,
+                    size=(136, 72), model=model)
+        self.same("end.exr", "alone.exr")
+
+    def test_who_has_the_model_dies(self):
+        mpirun, environment = self.openmpi5()
+        model, pages = self.streamed("1e5")
+        p = self.start(1, [{"wait": "machines"}, {"save": "begun.exr"}, {"camera": {"orbit": [2.0, 0.3]}}, {"wait": "idle"}],
+                       "--spp", 4000, "--cache", pages["memory_bytes"] // 3, mpirun=mpirun, environment=environment, holders=[model])
+        self.wait_for("begun.exr", p)
+        os.kill(self.workers(p)[1], signal.SIGKILL)
+        said = p.communicate(timeout=200)[1]
+        self.assertEqual(p.returncode, 1, said)
+        self.assertIn("which has the model, has ended", said)
+        self.assertIn("what is shown stays", said)
+
+    def test_wrong_uses_of_a_model_elsewhere(self):
+        model, _ = self.streamed()
+        other = self.path("other.trex")
+        subprocess.run([view_test.TREX, "bake", "synth:assembly?triangles=1e3&seed=2", "--stream", "-o", other, "-q"], check=True,
+                       capture_output=True)
+        self.together(0, [], code=2, says="two machines have different models", holders=[model, other])
+        self.together(0, [], code=2, says="bake it", holders=[self.cornell])
+        self.together(0, [], code=3, says="none.trex", holders=[self.path("none.trex")])
+        self.together(0, [], "--scene-db", "local", code=2, says="name the model", holders=[model])
+        self.together(0, [], "--cache", "some", code=2, says="some", holders=[model])
+        self.together(0, [{"wait": "shown"}], "--cache", "1", code=3, says="largest", holders=[model])
+        self.together(1, [], code=2, says="name the model, here or at the machine that has it", model="--seed=0")
+        self.together(1, [{"wait": "idle"}], "--spp", 1, says="the window has a model too", model=model, worker=[model])
+
+    def openmpi5(self):
+        folder = os.environ.get("TREX_OPENMPI5")
+        if not folder:
+            self.skipTest("TREX_OPENMPI5 is not the folder that scripts/openmpi5 has made")
+        mpirun = [os.path.join(folder, "bin", "mpirun"), "--with-ft", "ulfm", "--allow-run-as-root", "--bind-to", "none",
+                  "--map-by", ":OVERSUBSCRIBE"]
+        return mpirun, {**self.environment(), "LD_LIBRARY_PATH": os.path.join(folder, "lib")}
 
     def test_a_server_that_can_not_open_the_model_is_left_out(self):
         report = self.together(1, [{"wait": "idle", "seconds": 2, "save": "a.exr"}], "--spp", 2, "--scene-db", "local",

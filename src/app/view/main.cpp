@@ -53,6 +53,7 @@ nlohmann::ordered_json machineRows(const trex::machines::Servers& servers) {
 
 /// The window was closed; whether it ever showed the model that was asked for. Why not was said.
 int closingCode(const trex::Viewer& viewer, int code) {
+  if (code == 0 && viewer.lost()) return static_cast<int>(*viewer.lost());
   if (code != 0 || viewer.phase() != trex::OpenPhase::kFailed) return code;
   return static_cast<int>(trex::ExitCode::kInput);
 }
@@ -85,6 +86,10 @@ int view(trex::ViewArguments& a, Clock::time_point started, trex::machines::Serv
   if (servers != nullptr) trex::welcomeServers(*servers, a, arguments);
   a.viewer.helper = servers;
   trex::Viewer viewer(a.viewer);
+  // Work of the viewer's that reads from another machine ends before the viewer waits for it.
+  const std::unique_ptr<const trex::RemoteModel, void (*)(const trex::RemoteModel*)> leaves(
+      a.viewer.remote ? &*a.viewer.remote : nullptr,
+      [](const trex::RemoteModel* m) { m->leave(); });
   trex::UiOptions options;
   options.screenshotFolder = a.screenshotFolder;
   options.edits = a.viewer.edits;

@@ -73,6 +73,9 @@ ReplayRunner::ReplayRunner(const ReplayScript& script, ViewLoop& loop, Viewer& v
       budget_(budgetSeconds),
       started_(started) {}
 
+/// Packed bytes of pages that were read so far, of a streamed bundle.
+std::uint64_t ReplayRunner::pageBytes() const { return viewer_.figures().session.pages.bytesRead; }
+
 double ReplayRunner::now() const {
   return std::chrono::duration<double>(Clock::now() - started_).count();
 }
@@ -95,10 +98,15 @@ void ReplayRunner::step(const ReplayStep& s) {
   turns_ = {};
   entry_ = {{"label", s.label}};
   const double begun = now(), used = processorSeconds();
+  const std::uint64_t bytes = pageBytes();
   await(s.wait);
   prepare(s);
   const double start = now();
-  if (edit(s)) awaitCoarse(start);
+  const std::uint64_t before = pageBytes();
+  if (edit(s)) {
+    awaitCoarse(start);
+    entry_["first_coarse_page_bytes"] = pageBytes() - before;
+  }
   if (s.settle > 0.0) settle(s, start);
   goOn(s);
   if (s.idle > 0.0) measureIdle(s.idle);
@@ -106,6 +114,7 @@ void ReplayRunner::step(const ReplayStep& s) {
   entry_["seconds"] = now() - begun;
   entry_["processor_seconds"] = processorSeconds() - used;
   const ViewerFigures f = viewer_.figures();
+  entry_["page_bytes"] = f.session.pages.bytesRead - std::min(bytes, f.session.pages.bytesRead);
   entry_["samples_per_pixel"] = f.samplesPerPixel;
   entry_["estimated_distance"] = f.truthDistance;
   entry_["resident_bytes"] = f.residentBytes;
@@ -169,6 +178,7 @@ Turn ReplayRunner::turn(bool maySleep) {
   const Turn turn = loop_.turn(maySleep);
   if (interruptedBy() != 0) throw Stop{128 + interruptedBy()};
   // The viewer has said why.
+  if (viewer_.lost()) throw Stop{static_cast<int>(*viewer_.lost())};
   if (viewer_.phase() == OpenPhase::kFailed) throw Stop{static_cast<int>(ExitCode::kInput)};
   const double at = now() - opened_.value_or(0.0);
   if (!shownAt_ && turn.presented && turn.step.coarseComplete) shownAt_ = at;

@@ -55,6 +55,7 @@ class ReplayRunner {
   template <typename Condition>
   void turnUntil(const char* what, const Condition& condition);
   double now() const;
+  std::uint64_t pageBytes() const;
   void keep(double start);
   nlohmann::ordered_json figures(const Turns& turns) const;
 

@@ -2,6 +2,7 @@
 
 #include "src/app/lent_files.h"
 #include "src/bundle/bundle.h"
+#include "src/command/interrupt.h"
 #include "src/core/child.h"
 #include "src/core/error.h"
 #include "src/core/threads.h"
@@ -11,6 +12,23 @@
 #include "src/scene/import.h"
 
 namespace trex {
+namespace {
+
+/// The model is another machine's.
+void welcomeFrom(machines::Servers& servers, ViewArguments& a, const machines::Serve& serve) {
+  if (a.localModel) {
+    fail(ExitCode::kUsage, "--scene-db local: each machine opens its own copy; name the model");
+  }
+  catchInterrupts();
+  const std::uint32_t holder = servers.findHolder([] { return interruptedBy() == 0; });
+  servers.welcomeTo(holder, {{}, servedFile(environmentFile(a.viewer.environment))}, serve);
+  const machines::MachineRow row = servers.rows()[holder];
+  a.viewer.input = row.model;
+  a.viewer.remote =
+      RemoteModel{servers.model(holder), row.modelBytes, [&] { servers.leaveFiles(); }, &servers};
+}
+
+}  // namespace
 
 std::unique_ptr<machines::Servers> startServers() {
   if (machines::startedAs().size < 2) return nullptr;
@@ -19,13 +37,10 @@ std::unique_ptr<machines::Servers> startServers() {
   return std::make_unique<machines::Servers>(machines::openMpiWire, self);
 }
 
-void welcomeServers(machines::Servers& servers, const ViewArguments& a,
+void welcomeServers(machines::Servers& servers, ViewArguments& a,
                     const std::vector<std::string>& arguments) {
   const std::string input = a.viewer.input.string();
-  if (input.empty()) {
-    fail(ExitCode::kUsage, "trex view under mpirun: name the model, which all have open");
-  }
-  if (!a.localModel && !isBundlePath(input)) {
+  if (!a.localModel && !input.empty() && !isBundlePath(input)) {
     fail(ExitCode::kUsage,
          "{}: other machines get bundles alone; bake it, or use --scene-db local where each has it",
          input);
@@ -34,14 +49,15 @@ void welcomeServers(machines::Servers& servers, const ViewArguments& a,
     fail(ExitCode::kUsage,
          "--volume: other machines have no such file; bake the volume in, or use --scene-db local");
   }
+  const RenderSettings& s = a.viewer.settings;
+  const machines::Serve serve{s.width, s.height, machines::joinArguments(arguments)};
+  if (input.empty()) return welcomeFrom(servers, a, serve);
   std::vector<machines::ServedFile> files;
   if (!a.localModel) {
     files.push_back(servedFile(input));
     files.push_back(servedFile(environmentFile(a.viewer.environment)));
   }
-  const RenderSettings& s = a.viewer.settings;
-  servers.welcome(a.localModel, std::move(files),
-                  {s.width, s.height, machines::joinArguments(arguments)},
+  servers.welcome(a.localModel, std::move(files), serve,
                   machines::windowDigest(a.localModel ? input : std::string()));
 }
 

@@ -16,7 +16,7 @@ namespace {
 /// As written; read once all are there.
 struct Texts {
   std::string input, edits, size = "1280x720", device = "auto";
-  std::string stale = "refuse", sceneDb = "central", maxMemory, maxGpuMemory, replay, report,
+  std::string stale = "refuse", sceneDb = "central", maxMemory, maxGpuMemory, cache, replay, report,
               screenshotFolder = ".";
   std::uint32_t samples = 4096;
   double budgetMs = 33.0;
@@ -52,6 +52,7 @@ void addOptions(CLI::App& c, Texts& t, ViewArguments& a) {
   c.add_option("--max-memory", t.maxMemory, "Memory this process may use, such as 8G [all]");
   c.add_option("--max-gpu-memory", t.maxGpuMemory,
                "Device memory that may be used, such as 2G [all]");
+  c.add_option("--cache", t.cache, "Memory for pages of a streamed bundle, such as 2G [all]");
   c.add_option("--stale", t.stale, "A bundle whose model has changed since: refuse or use")
       ->check(CLI::IsMember({"refuse", "use"}))
       ->capture_default_str();
@@ -86,6 +87,7 @@ void read(const Texts& t, ViewArguments& a) {
   s.machine = measuredMachine(s);
   if (!t.maxMemory.empty()) s.maxMemory = parseBytes(t.maxMemory);
   if (!t.maxGpuMemory.empty()) s.maxGpuMemory = parseBytes(t.maxGpuMemory);
+  if (!t.cache.empty()) a.viewer.cacheBytes = std::max<std::uint64_t>(parseBytes(t.cache), 1);
   a.viewer.input = t.input;
   a.viewer.edits = t.edits;
   a.viewer.useStale = t.stale == "use";

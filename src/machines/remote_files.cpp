@@ -1,0 +1,167 @@
+#include "src/machines/remote_files.h"
+
+#include <algorithm>
+
+namespace trex::machines {
+namespace {
+
+constexpr std::uint32_t kPartBytes = 4u << 20;  // of a file, asked for at once
+
+}  // namespace
+
+class RemoteFiles::RemoteFile : public hccm::PageFile {
+ public:
+  RemoteFile(RemoteFiles& files, std::uint32_t machine, std::uint32_t number, std::string name)
+      : files_(files), machine_(machine), number_(number), name_(std::move(name)) {}
+  void read(std::uint64_t offset, std::span<std::byte> out) const override {
+    while (!out.empty()) {
+      const auto part = out.first(std::min<std::size_t>(out.size(), kPartBytes));
+      const hccm::FilePart one{offset, part};
+      files_.read(machine_, number_, {&one, 1});
+      offset += part.size();
+      out = out.subspan(part.size());
+    }
+  }
+  /// Of pages.
+  void readAll(std::span<const hccm::FilePart> parts) const override {
+    while (!parts.empty()) {
+      std::size_t count = 0;
+      for (std::size_t bytes = 0; count < parts.size(); ++count) {
+        bytes += parts[count].out.size();
+        if (bytes > kPartBytes) break;
+      }
+      if (count == 0) {
+        read(parts[0].offset, parts[0].out);
+        count = 1;
+      } else {
+        files_.read(machine_, number_, parts.first(count));
+      }
+      parts = parts.subspan(count);
+    }
+  }
+  unsigned partsAtOnce() const override { return pagesAtOnce(files_.speed_(machine_)); }
+  hccm::FileSpeed speed() const override {
+    const LinkSpeed link = files_.speed_(machine_);
+    return {link.roundTrip, link.bandwidth};
+  }
+  void readAhead(std::uint64_t, std::uint64_t) const override {}
+  std::string place(std::uint64_t offset) const override {
+    return fmt::format("{} of machine {}, byte {}", name_, machine_, offset);
+  }
+
+ private:
+  RemoteFiles& files_;
+  std::uint32_t machine_, number_;
+  std::string name_;
+};
+
+RemoteFiles::RemoteFiles(std::function<void(std::uint32_t, Bytes)> send,
+                         std::function<LinkSpeed(std::uint32_t)> speed)
+    : send_(std::move(send)), speed_(std::move(speed)) {}
+
+std::unique_ptr<hccm::PageFile> RemoteFiles::file(std::uint32_t machine, std::uint32_t number,
+                                                  const std::string& name) {
+  return std::make_unique<RemoteFile>(*this, machine, number, name);
+}
+
+/// One that this machine was asked and has not answered. The lock is held, as below.
+RemoteFiles::Question& RemoteFiles::questionOf(std::uint32_t from, std::uint64_t number) {
+  const auto at = questions_.find(number);
+  if (at == questions_.end() || at->second.machine != from || at->second.answered()) {
+    throw MessageError("nobody asked for this part");
+  }
+  return at->second;
+}
+
+/// A question has its answer, which is dropped if nobody waits for it.
+void RemoteFiles::settle(std::uint64_t number) {
+  if (!questions_.at(number).awaited) questions_.erase(number);
+  changed_.notify_all();
+}
+
+void RemoteFiles::hear(std::uint32_t from, Part part) {
+  const std::lock_guard lock(mutex_);
+  if (part.bytes.empty()) throw MessageError("a part of a file is empty");
+  questionOf(from, part.number).answer = std::move(part.bytes);
+  settle(part.number);
+}
+
+void RemoteFiles::hear(std::uint32_t from, const NoPart& why) {
+  const std::lock_guard lock(mutex_);
+  const bool known = why.code >= 1 && why.code <= static_cast<int>(ExitCode::kDiffer);
+  questionOf(from, why.number)
+      .problem.emplace(known ? static_cast<ExitCode>(why.code) : ExitCode::kFailed,
+                       fmt::format("machine {}: {}", from, why.text));
+  settle(why.number);
+}
+
+void RemoteFiles::lose(std::uint32_t machine, const Error& error) {
+  const std::lock_guard lock(mutex_);
+  lost_.emplace(machine, error);
+  std::erase_if(questions_,
+                [&](const auto& q) { return q.second.machine == machine && !q.second.awaited; });
+  changed_.notify_all();
+}
+
+void RemoteFiles::broken(const Error& error) {
+  const std::lock_guard lock(mutex_);
+  if (!broken_) broken_ = error;
+  std::erase_if(questions_, [](const auto& q) { return !q.second.awaited; });
+  changed_.notify_all();
+}
+
+void RemoteFiles::stop() {
+  const std::lock_guard lock(mutex_);
+  stopped_ = true;
+  changed_.notify_all();
+}
+
+std::size_t RemoteFiles::outstanding() const {
+  const std::lock_guard lock(mutex_);
+  if (broken_) return 0;
+  return static_cast<std::size_t>(std::count_if(
+      questions_.begin(), questions_.end(),
+      [&](const auto& q) { return !q.second.answered() && !lost_.contains(q.second.machine); }));
+}
+
+void RemoteFiles::read(std::uint32_t machine, std::uint32_t file,
+                       std::span<const hccm::FilePart> parts) {
+  Fetch fetch;
+  std::size_t bytes = 0;
+  for (const hccm::FilePart& part : parts) {
+    fetch.ranges.push_back({part.offset, file, static_cast<std::uint32_t>(part.out.size())});
+    bytes += part.out.size();
+  }
+  if (bytes == 0) return;
+  std::unique_lock lock(mutex_);
+  const std::uint64_t number = fetch.number = ++asked_;
+  const auto ended = [&] { return stopped_ || broken_ || lost_.contains(machine); };
+  if (!ended()) {
+    questions_[number].machine = machine;
+    send_(machine, encode(fetch));
+    changed_.wait(lock, [&] { return ended() || questions_.at(number).answered(); });
+    Question& q = questions_.at(number);
+    q.awaited = false;
+    if (q.answered()) {
+      const Question got = std::move(q);
+      questions_.erase(number);
+      if (got.problem) throw Error(*got.problem);
+      if (got.answer.size() != bytes) {
+        fail(ExitCode::kFailed, "machine {}: sent {} bytes of a file instead of {}", machine,
+             got.answer.size(), bytes);
+      }
+      auto from = got.answer.begin();
+      for (const hccm::FilePart& part : parts) {
+        std::copy_n(from, part.out.size(), part.out.begin());
+        from += static_cast<std::ptrdiff_t>(part.out.size());
+      }
+      return;
+    }
+    if (broken_ || lost_.contains(machine)) questions_.erase(number);
+  }
+  if (const auto lost = lost_.find(machine); lost != lost_.end()) throw Error(lost->second);
+  if (broken_) throw Error(*broken_);
+  fail(ExitCode::kInterrupted, "machine {}: nothing is read from it any more", machine);
+}
+
+}  // namespace trex::machines
