@@ -51,16 +51,9 @@ nlohmann::json machineRows(const machines::Leader& leader, const SessionReport& 
   nlohmann::json out = nlohmann::json::array();
   auto rows = leader.rows();
   rows[0].device = own.device;
-  rows[0].times = {processorSeconds(),
-                   own.photonSeconds,
-                   own.traffic.waiting,
-                   own.traffic.unpacking,
-                   own.traffic.reading,
-                   own.pages.loads,
-                   own.pages.restored,
-                   own.traffic.planned,
-                   0,
-                   0};
+  machines::MachineTimes& times = rows[0].times;
+  times = {processorSeconds(),  own.photonSeconds, own.traffic.waiting, own.traffic.unpacking,
+           own.traffic.reading, own.pages.loads,   own.pages.restored};
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const machines::MachineRow& row = rows[i];
     const auto measured = [&](double value) {

@@ -146,6 +146,7 @@ void Leader::bringIn(std::uint32_t machine) {
 void Leader::takeResult(std::uint32_t from, Result result) {
   machines_[from].row.peakBytes = result.peakBytes;
   machines_[from].row.times = result.times;
+  if (welcome_ && welcome_->local) machines_[from].row.times.plannedBytes = 0;  // from its own disk
   machines_[from].row.device = result.device;
   if (listener_ != nullptr) return listener_->result(from, std::move(result));
   if (!pass_ || result.pass != pass_->number) return;

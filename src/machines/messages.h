@@ -148,7 +148,8 @@ struct MachineTimes {
   double photons = 0.0;    ///< of the machine: shooting, and waiting for what others shoot
   double waiting = 0.0, unpacking = 0.0, reading = 0.0;  ///< as PageTrafficReport
   std::uint64_t pageLoads = 0, pagesRestored = 0;        ///< the latter of the former
-  /// Of packed pages: that plans loaded; that came from others; that were passed on.
+  /// Of packed pages: that plans loaded, of those that other machines have; that came from there;
+  /// that were passed on.
   std::uint64_t plannedBytes = 0, receivedBytes = 0, passedBytes = 0;
   template <class F>
   void fields(F&& f) {

@@ -6,6 +6,9 @@
 namespace trex::machines {
 namespace {
 
+// What is measured of a link may be off by so much: machines are busy.
+constexpr double kMeasured = 0.5, kLeastShare = 0.25;
+
 /// 64 bits that look random (the finalizer of MurmurHash3, Appleby).
 std::uint64_t mix(std::uint64_t x) {
   x = (x ^ x >> 33) * 0xff51afd7ed558ccdull;
@@ -40,9 +43,10 @@ std::vector<PageHome> chooseHomes(std::span<const HomeCandidate> machines) {
   }
   std::vector<PageHome> homes;
   for (const HomeCandidate& m : machines) {
-    const double share = m.link.known() ? std::min(m.link.bandwidth / half, 1.0) : 1.0;
-    if (share < 0.25) continue;
-    homes.push_back({m.machine, static_cast<std::uint32_t>(share * kWholeWeight)});
+    const double share = m.link.known() ? m.link.bandwidth / half : 1.0;
+    if (share < kLeastShare) continue;
+    homes.push_back({m.machine, static_cast<std::uint32_t>(share < kMeasured ? share * kWholeWeight
+                                                                             : kWholeWeight)});
   }
   if (homes.size() < 2) homes.clear();
   return homes;
