@@ -245,7 +245,7 @@ def main():
     parser.add_argument("--machines", default="1,2,4")
     parser.add_argument("--megabits", default="1000,100")
     parser.add_argument("--share", type=float, default=0.4, help="of a core, each machine")
-    parser.add_argument("--cache", type=float, default=0.1, help="of the pages' memory, each machine")
+    parser.add_argument("--cache", type=float, default=0.1, help="of the pages' memory, each machine; 0: what --max-memory leaves")
     parser.add_argument("--spp", type=int, default=16)
     parser.add_argument("--size", default="320x180")
     parser.add_argument("--exact", default="1")
@@ -283,9 +283,9 @@ def main():
         pages = json.loads(call(trex, "info", model, "--json").stdout)["mesh_pages"]
         cache = max(int(pages["memory_bytes"] * a.cache), pages["largest_page_bytes"] + 8192)
         print(f"{a.model or a.triangles + ' triangles'}, {os.path.getsize(model) / 1e6:.1f} MB; {a.size}, {a.spp} samples, --exact {a.exact}; each machine "
-              f"{a.share} of a core and {cache / 1e6:.1f} MB of pages")
+              f"{a.share} of a core and {f'{cache / 1e6:.1f} MB' if a.cache else f'what {a.max_memory} leave'} of pages")
         job = [model, "--size", a.size, "--spp", a.spp, "--exact", a.exact, "--device", "none", "--denoise", "off", "--threads", 1,
-               "--cache", cache, "--page-disk", a.page_disk, "--json"]
+               *(["--cache", cache] if a.cache else []), "--page-disk", a.page_disk, "--json"]
         if a.kill:
             kill_one(a, trex, folder, job)
             return 0
