@@ -287,7 +287,7 @@ class Machines(ProgramTest):
 
     # ---- with Open MPI 5 ----
 
-    def start5(self, processes, *arguments):
+    def start5(self, processes, *arguments, model=None):
         """By the Open MPI 5 of scripts/openmpi5, which lets others outlive a process."""
         folder = os.environ.get("TREX_OPENMPI5")
         if not has_mpi() or not folder:
@@ -295,7 +295,7 @@ class Machines(ProgramTest):
         mpirun = os.path.join(folder, "bin", "mpirun")
         libraries = os.path.join(folder, "lib")
         command = [mpirun, "--with-ft", "ulfm", "--allow-run-as-root", "--bind-to", "none", "--map-by", ":OVERSUBSCRIBE", "-n",
-                   str(processes), program._trex, "render", self.cornell, "--device", "none", "--threads", "1"]
+                   str(processes), program._trex, "render", model or self.cornell, "--device", "none", "--threads", "1"]
         p = subprocess.Popen([*command, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                              env={**self.environment, "LD_LIBRARY_PATH": libraries})
         self.addCleanup(self.end, p)
@@ -318,6 +318,24 @@ class Machines(ProgramTest):
                 self.alone("-o", self.path("whole.exr"), *job)
                 self.assertEqual(self.read("a.exr"), self.read("whole.exr"))
                 os.remove(state)
+
+    def test_pages_of_a_killed_process_come_from_others(self):
+        bundle, few = self.paged()
+        out, state = self.path("a.exr"), self.path("state")
+        # Nothing is kept unpacked: pages travel all the time.
+        job = ["--size", "64x48", "--exact", 1, "--cache", few, "--ray-memory", "1M", "--page-disk", "2M"]
+        p = self.start5(4, "-o", out, *job, "--time", 5, "--json", "--checkpoint", state, "--checkpoint-seconds", 0.2, model=bundle)
+        self.wait_for(state, p)
+        time.sleep(0.5)
+        os.kill(self.ranks(p)[1], signal.SIGKILL)
+        stdout, said = p.communicate(timeout=100)
+        self.assertEqual(p.returncode, 0, said)
+        self.assertIn("has ended", said)
+        report = json.loads(stdout)
+        self.assertGreater(sum(r["page_bytes_passed_on"] for r in report["machines"][2:]), 0)
+        self.alone("-o", self.path("whole.exr"), *job, "--spp", report["samples"], model=bundle)
+        same = program.run("diff", out, self.path("whole.exr"), "--max", 0)
+        self.assertEqual(same.returncode, 0, same.stdout)
 
     def test_open_mpi_5_ends_as_4_does_where_nobody_dies(self):
         p = self.start5(3, "-o", self.path("a.exr"), "--size", "32x32", "--spp", 20, "--exact", 0.5)
