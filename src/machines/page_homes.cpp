@@ -7,7 +7,7 @@ namespace trex::machines {
 namespace {
 
 // What is measured of a link may be off by so much: machines are busy.
-constexpr double kMeasured = 0.5, kLeastShare = 0.25;
+constexpr double kMeasured = 0.25, kLeastShare = 0.1;
 
 /// 64 bits that look random (the finalizer of MurmurHash3, Appleby).
 std::uint64_t mix(std::uint64_t x) {

@@ -31,8 +31,8 @@ struct HomeCandidate {
   std::uint32_t machine = 0;
   LinkSpeed link;
 };
-/// Those that are, by how fast links are: one that has less than half of the speed that half of
-/// them have has fewer pages, one that has less than a quarter none. None at all where there is
+/// Those that are, by how fast links are: one that has less than a quarter of the speed that half
+/// of them have has fewer pages, one that has less than a tenth none. None at all where there is
 /// nobody to pass pages on to.
 std::vector<PageHome> chooseHomes(std::span<const HomeCandidate> machines);
 

@@ -303,10 +303,10 @@ TEST(PageHomes, ShareThePagesByTheirLinks) {
 }
 
 TEST(PageHomes, AreMachinesWhoseLinksAreNotSlow) {
-  const LinkSpeed fast{1e-4, 1e8}, half{1e-4, 4e7}, slow{1e-4, 1e7}, unknown;
+  const LinkSpeed fast{1e-4, 1e8}, fifth{1e-4, 2e7}, slow{1e-4, 5e6}, unknown;
   const auto homes = [](std::vector<HomeCandidate> of) { return chooseHomes(of); };
-  EXPECT_EQ(homes({{1, fast}, {2, fast}, {3, half}, {4, slow}, {5, unknown}}),
-            (std::vector<PageHome>{{1, 256}, {2, 256}, {3, 102}, {5, 256}}));
+  EXPECT_EQ(homes({{1, fast}, {2, fast}, {3, fifth}, {4, slow}, {5, unknown}}),
+            (std::vector<PageHome>{{1, 256}, {2, 256}, {3, 51}, {5, 256}}));
   EXPECT_TRUE(homes({{1, fast}}).empty());
   EXPECT_TRUE(homes({}).empty());
   EXPECT_EQ(homes({{1, unknown}, {2, unknown}}).size(), 2u);
