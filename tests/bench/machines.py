@@ -36,6 +36,21 @@ def give_share(group, share):
             f.write(str(value))
 
 
+def remove_group(group):
+    """With what still runs in it, if the bench was stopped."""
+    folder = f"{CPU}/{group}"
+    for _ in range(100):
+        if not os.path.isdir(folder):
+            return
+        try:
+            with open(f"{folder}/cgroup.procs") as f:
+                for process in f.read().split():
+                    os.kill(int(process), signal.SIGKILL)
+            os.rmdir(folder)
+        except OSError:  # they are about to end
+            time.sleep(0.05)
+
+
 class Machines:
     """`count` namespaces behind one switch."""
 
@@ -70,9 +85,8 @@ class Machines:
 
     def remove(self):
         for i in range(16):
+            remove_group(f"{NAME}-{i}")
             call("ip", "netns", "del", f"{NAME}-{i}", check=False)
-            if os.path.isdir(f"{CPU}/{NAME}-{i}"):
-                os.rmdir(f"{CPU}/{NAME}-{i}")
         call("ip", "netns", "del", NAME, check=False)
 
     def run(self, trex, arguments):
@@ -263,6 +277,7 @@ def main():
     if os.geteuid() != 0 or not os.access(CPU, os.W_OK) or not all(map(shutil.which, ("mpirun", "ip", "tc", "unshare"))):
         print("machines.py: skipped: needs root, mpirun, ip, tc, unshare and cgroups of version 1")
         return 77
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # what was made is removed then, too
     trex = os.path.abspath(a.trex)
     folder = tempfile.mkdtemp(prefix="trex-machines-")
     environment = {k: os.environ[k] for k in list(os.environ) if k.startswith(("OMPI_", "PMIX_"))}
