@@ -1,5 +1,5 @@
-// Threads of machine 0 that read parts of its files for the others, several questions at once, so
-// that who deals jobs waits for no disk.
+// Threads of a machine that read parts of files for the others, several questions at once, so that
+// its link, and at machine 0 who deals jobs, wait for no disk.
 #pragma once
 
 #include <condition_variable>

@@ -11,7 +11,6 @@
 namespace trex::machines {
 namespace {
 
-constexpr std::uint32_t kPartBytes = 4u << 20;  // of a file, asked for at once
 constexpr std::uint64_t kMostUnits = 1u << 20;  // of a job that is no mistake
 
 /// The settings of a session that makes no picture of its own.
@@ -34,101 +33,59 @@ struct Worker::Work {
   std::optional<Pass> pass;
 };
 
-/// A file of machine 0, whose parts are asked for as they are read.
-class Worker::RemoteFile : public hccm::PageFile {
- public:
-  RemoteFile(Worker& worker, std::uint32_t file, std::string name)
-      : worker_(worker), file_(file), name_(std::move(name)) {}
-  void read(std::uint64_t offset, std::span<std::byte> out) const override {
-    while (!out.empty()) {
-      const auto part = out.first(std::min<std::size_t>(out.size(), kPartBytes));
-      const hccm::FilePart one{offset, part};
-      worker_.read(file_, {&one, 1});
-      offset += part.size();
-      out = out.subspan(part.size());
-    }
-  }
-  /// Of pages.
-  void readAll(std::span<const hccm::FilePart> parts) const override {
-    while (!parts.empty()) {
-      std::size_t count = 0;
-      for (std::size_t bytes = 0; count < parts.size(); ++count) {
-        bytes += parts[count].out.size();
-        if (bytes > kPartBytes) break;
-      }
-      if (count == 0) {
-        read(parts[0].offset, parts[0].out);
-        count = 1;
-      } else {
-        worker_.read(file_, parts.first(count));
-      }
-      parts = parts.subspan(count);
-    }
-  }
-  unsigned partsAtOnce() const override { return pagesAtOnce(worker_.linkSpeed()); }
-  hccm::FileSpeed speed() const override {
-    const LinkSpeed link = worker_.linkSpeed();
-    return {link.roundTrip, link.bandwidth};
-  }
-  void readAhead(std::uint64_t, std::uint64_t) const override {}
-  std::string place(std::uint64_t offset) const override {
-    return fmt::format("{} of machine 0, byte {}", name_, offset);
-  }
-
- private:
-  Worker& worker_;
-  std::uint32_t file_;
-  std::string name_;
-};
-
-Worker::Worker(const Link::MakeWire& make, const Hello& self) : link_(make) {
-  link_.listen({.message =
-                    [this](std::uint32_t from, Kind kind, ByteView body) {
-                      if (from == 0) hear(kind, body);
-                    },
-                .tick = {},
-                .lost =
-                    [this](std::uint32_t machine) {
-                      if (machine != 0) return;  // the others are machine 0's to miss
-                      broken(Error(ExitCode::kFailed, "machine 0 has ended"));
-                    },
-                .broken = [this](const Error& e) { broken(e); }});
+Worker::Worker(const Link::MakeWire& make, const Hello& self)
+    : pages_([this](std::uint32_t to, Bytes message) { link_.send(to, std::move(message)); },
+             [this](const Error& e) { broken(e); }),
+      link_(make) {
+  pages_.setPlace(link_.rank(), link_.size());
+  link_.listen(
+      {.message = [this](std::uint32_t from, Kind kind, ByteView body) { hear(from, kind, body); },
+       .tick = {},
+       .lost =
+           [this](std::uint32_t machine) {
+             if (machine == 0) {
+               broken(Error(ExitCode::kFailed, "machine 0 has ended"));
+             } else {  // machine 0's to miss, but for its pages
+               pages_.lost(machine);
+             }
+           },
+       .broken = [this](const Error& e) { broken(e); }});
   link_.send(0, self);
 }
 
-Worker::~Worker() = default;
+Worker::~Worker() { pages_.stop(); }  // its threads send by the link, which goes first
 
 void Worker::broken(const Error& error) {
+  pages_.broken(error);
   const std::lock_guard lock(mutex_);
   if (!problem_) problem_ = error;
   changed_.notify_all();
 }
 
 /// By the link's thread.
-void Worker::hear(Kind kind, ByteView body) {
+void Worker::hear(std::uint32_t from, Kind kind, ByteView body) {
+  if (kind == Kind::kPart) return pages_.hearPart(from, decode<Part>(body));
+  if (from == 0) return hearLeader(kind, body);
+  if (kind != Kind::kFetch) throw MessageError("machine 0 alone should have sent it");
+  pages_.hearFetch(from, decode<Fetch>(body));
+}
+
+void Worker::hearLeader(Kind kind, ByteView body) {
   switch (kind) {
     case Kind::kPing:
       link_.send(0, Pong{});
       return;
-    case Kind::kPart: {
-      Part part = decode<Part>(body);
-      const std::lock_guard lock(mutex_);
-      const auto at = parts_.find(part.number);
-      if (at == parts_.end() || part.bytes.empty())
-        throw MessageError("nobody asked for this part");
-      at->second = std::move(part.bytes);
-      changed_.notify_all();
-      return;
-    }
     case Kind::kProbe:
       link_.send(0, Probed{decode<Probe>(body).number});
       return;
-    case Kind::kLink: {
-      const auto found = decode<LinkFound>(body);
-      const LinkSpeed speed{found.roundTrip, found.bandwidth};
-      if (!isPossible(speed)) throw MessageError("no link is so fast");
+    case Kind::kLink:
+      return pages_.hearLink(decode<LinkFound>(body));
+    case Kind::kHomes:
+      return pages_.hearHomes(decode<Homes>(body));
+    case Kind::kEnd: {
       const std::lock_guard lock(mutex_);
-      speed_ = speed;
+      ended_ = true;
+      changed_.notify_all();
       return;
     }
     case Kind::kShoot:
@@ -155,10 +112,12 @@ void Worker::hear(Kind kind, ByteView body) {
     default:
       throw MessageError("machine 0 should not have sent it");
   }
+  if (kind == Kind::kStop) pages_.stop();
   const std::lock_guard lock(mutex_);
   if (kind == Kind::kStop) {
     stopped_ = true;
-    link_.send(0, Bye{});
+    // What others have asked for is to be there before: they take nothing after the end.
+    link_.sendLast(0, encode(Bye{}));
   }
   heard_.push_back({kind, views_, passes_, {body.begin(), body.end()}});
   changed_.notify_all();
@@ -184,46 +143,6 @@ std::optional<Welcome> Worker::awaitWelcome() {
     return decode<Welcome>(heard->body);
   } catch (const MessageError& e) {
     fail(ExitCode::kFailed, "machine 0: a message can't be read: {}", e.what());
-  }
-}
-
-LinkSpeed Worker::linkSpeed() {
-  const std::lock_guard lock(mutex_);
-  return speed_;
-}
-
-std::unique_ptr<hccm::PageFile> Worker::file(std::uint32_t number, const std::string& name) {
-  return std::make_unique<RemoteFile>(*this, number, name);
-}
-
-void Worker::read(std::uint32_t file, std::span<const hccm::FilePart> parts) {
-  Fetch fetch;
-  std::size_t bytes = 0;
-  for (const hccm::FilePart& part : parts) {
-    fetch.ranges.push_back({part.offset, file, static_cast<std::uint32_t>(part.out.size())});
-    bytes += part.out.size();
-  }
-  if (bytes == 0) return;
-  std::unique_lock lock(mutex_);
-  const std::uint64_t number = fetch.number = ++questions_;
-  parts_[number];
-  lock.unlock();
-  link_.send(0, fetch);
-  lock.lock();
-  changed_.wait(lock, [&] { return !parts_[number].empty() || problem_ || stopped_; });
-  const Bytes got = std::move(parts_[number]);
-  parts_.erase(number);
-  if (got.empty()) {
-    if (problem_) throw Error(*problem_);
-    fail(ExitCode::kInterrupted, "machine 0 has ended the work");
-  }
-  if (got.size() != bytes) {
-    fail(ExitCode::kFailed, "machine 0: sent {} bytes of a file instead of {}", got.size(), bytes);
-  }
-  auto from = got.begin();
-  for (const hccm::FilePart& part : parts) {
-    std::copy_n(from, part.out.size(), part.out.begin());
-    from += static_cast<std::ptrdiff_t>(part.out.size());
   }
 }
 
@@ -289,7 +208,8 @@ void Worker::sendResult(Result result, const RayCounts& rays, const Session& ses
   result.device = done.device;
   result.times = {processorSeconds(),     done.photonSeconds,   done.traffic.waiting,
                   done.traffic.unpacking, done.traffic.reading, done.pages.loads,
-                  done.pages.restored};
+                  done.pages.restored,    done.traffic.planned, pages_.bytes().received,
+                  pages_.bytes().passed};
   result.cRays = rays.cRays;
   result.shadowRays = rays.shadowRays;
   result.cones = rays.cones;
@@ -299,10 +219,15 @@ void Worker::sendResult(Result result, const RayCounts& rays, const Session& ses
   tell(result);
 }
 
+void Worker::sayReady(std::uint64_t digest) {
+  pages_.opened();
+  tell(Ready{digest, pages_.passesOn()});
+}
+
 void Worker::run(std::shared_ptr<const Model> model, const std::vector<Camera>& views,
                  const RenderSettings& settings, std::uint64_t digest) {
   Work work{std::move(model), views, withoutPicture(settings), nullptr, ~0u, 0, {}};
-  link_.send(0, Ready{digest});
+  sayReady(digest);
   try {
     while (const auto heard = next()) {
       const ByteView body(heard->body);
@@ -345,6 +270,12 @@ void Worker::failed(const Error& error) {
   }
 }
 
-void Worker::finish() { link_.finish(); }
+void Worker::finish() {
+  {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return ended_ || problem_; });
+  }
+  link_.finish();
+}
 
 }  // namespace trex::machines

@@ -12,8 +12,8 @@
 
 #include "hccmesh/pages.h"
 #include "src/machines/link.h"
-#include "src/machines/link_probe.h"
 #include "src/machines/photon_parts.h"
+#include "src/machines/remote_pages.h"
 #include "src/scene/scene.h"
 #include "src/session/model.h"
 #include "src/session/session.h"
@@ -33,7 +33,14 @@ class Worker : public PhotonSharer {
   std::optional<Welcome> awaitWelcome();
   /// A file of machine 0, which Welcome counts. Reading throws Error, for one thing once machine 0
   /// said stop. Used while this is there; thread safe. `name`: for messages.
-  std::unique_ptr<hccm::PageFile> file(std::uint32_t number, const std::string& name);
+  std::unique_ptr<hccm::PageFile> file(std::uint32_t number, const std::string& name) {
+    return pages_.file(number, name);
+  }
+  /// Packed pages are kept here for other machines that ask. Before run().
+  void passOn(std::unique_ptr<PageShelf> shelf, const Welcome& welcome) {
+    pages_.passOn(std::move(shelf), welcome.fileBytes);
+  }
+  std::uint32_t machines() const { return link_.size(); }
   /// Takes samples of the views' pictures until machine 0 says stop. `digest`: of model, views and
   /// settings.
   void run(std::shared_ptr<const Model> model, const std::vector<Camera>& views,
@@ -43,7 +50,7 @@ class Worker : public PhotonSharer {
                                    const std::function<bool()>& keepGoing) override;
   /// Says that this machine can't go on, and waits until machine 0 has said stop.
   void failed(const Error& error);
-  /// Waits for the end of all.
+  /// Waits for the end of all: until nobody sends anything any more.
   void finish();
 
  protected:
@@ -56,6 +63,8 @@ class Worker : public PhotonSharer {
   /// The next message; nothing once machine 0 has said stop.
   std::optional<Heard> next();
   void sendResult(Result result, const RayCounts& rays, const Session& session);
+  /// The model is open.
+  void sayReady(std::uint64_t digest);
   /// But for the goodbye: after that machine 0 receives nothing, and what is large would wait for
   /// it.
   template <class M>
@@ -68,14 +77,12 @@ class Worker : public PhotonSharer {
   std::atomic<std::uint32_t> passBegun_{0};          ///< of passes_, of the job under way
 
  private:
-  class RemoteFile;
   struct Work;
 
-  void hear(Kind kind, ByteView body);
+  void hear(std::uint32_t from, Kind kind, ByteView body);
+  void hearLeader(Kind kind, ByteView body);
   void hearOfPhotons(Kind kind, ByteView body);
   void broken(const Error& error);
-  LinkSpeed linkSpeed();
-  void read(std::uint32_t file, std::span<const hccm::FilePart> parts);
   void setView(Work& work, const SetView& message, std::uint32_t begun);
   void startPass(Work& work, Pass pass);
   void takeJob(Work& work, const GiveJob& message, std::uint32_t begun);
@@ -84,15 +91,13 @@ class Worker : public PhotonSharer {
   std::condition_variable changed_;
   std::deque<Heard> heard_;
   std::optional<Error> problem_;
-  bool stopped_ = false;
-  std::map<std::uint64_t, Bytes> parts_;  ///< that were asked for; empty until they come
-  std::uint64_t questions_ = 0;
-  LinkSpeed speed_;                      ///< of the link to machine 0
+  bool stopped_ = false, ended_ = false;
   std::uint32_t view_ = ~0u;             ///< whose photons are shot
   std::optional<PhotonParts> batch_;     ///< that it waits for
   std::deque<ShootPhotons> photonJobs_;  ///< of it
   bool alone_ = false;                   ///< nobody else shoots it
-  Link link_;                            ///< the last: it calls the others
+  RemotePages pages_;
+  Link link_;  ///< the last: it calls the others
 };
 
 }  // namespace trex::machines

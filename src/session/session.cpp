@@ -262,7 +262,7 @@ void Session::makeWalks() {
     walks_ = std::make_unique<const WalkTracer>(rays);
     return;
   }
-  loads_ = std::make_unique<LoadChoice>(rays.parts().paged->table(), settings_.predictLoads);
+  loads_ = std::make_unique<LoadChoice>(rays.parts().paged->table(), settings_.loadOrder);
   if (settings_.recordTraffic) {
     const bool cones = settings_.exact < 1.0 && model_->voxels && lights_->anyPower();
     traffic_ = std::make_unique<TrafficRecord>(static_cast<unsigned>(threadsAllowed()),

@@ -36,7 +36,7 @@ int main(int argc, char** argv) {
   fs::create_directories(folder_);
   write("hello", Hello{"0.1.0", "host", 1, 2, 3});
   write("welcome", Welcome{0, 1, {5, 0, 7, 0}});
-  write("ready", Ready{5});
+  write("ready", Ready{5, 1});
   write("view", SetView{1});
   write("set", ViewSet{1, "none"});
   write("light", LightComes{1, 4096});
@@ -57,7 +57,10 @@ int main(int argc, char** argv) {
   write("probe", Probe{1, Bytes(16)});
   write("probed", Probed{1});
   write("link", LinkFound{1e-4, 1.25e8});
+  write("homes", Homes{{{1, kWholeWeight}, {3, kWholeWeight / 2}}});
+  write("no_part", Part{2, {}});
   write("stop", Stop{});
+  write("end", End{});
   write("lit", Lit{1, 4096});
   write("serve", Serve{640, 360, trex::machines::joinArguments({"a.trex", "--spp", "4"})});
   write("edit", Edit{1, 640, 360, R"({"trex": 1, "edits_of": ""})"});
