@@ -26,7 +26,7 @@
 namespace trex::machines {
 
 inline constexpr std::uint32_t kMagic = 0x4d585254u;  // "TRXM"
-inline constexpr std::uint16_t kProtocol = 3;
+inline constexpr std::uint16_t kProtocol = 4;
 inline constexpr std::size_t kHeadBytes = 24;
 /// No message is longer; who receives one asks before it takes the memory.
 inline constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 28;
@@ -251,7 +251,8 @@ struct SomePhotons {
   ShotPhotons photons;
   template <class F>
   void fields(F&& f) {
-    f(view), f(id), f(batch), f(first), f(end), f(seconds), f(photons.records), f(photons.lessons);
+    f(view), f(id), f(batch), f(first), f(end), f(seconds), f(photons.records), f(photons.turns),
+        f(photons.lessons);
   }
 };
 using Shot = SomePhotons<Kind::kShot>;
