@@ -11,8 +11,8 @@ namespace {
 
 constexpr float kFaint = 0.01f;  // of squares in relMSE
 /// Of all other error, what counts as bias at most where that does not stand out: the whole is then
-/// within a factor of two of the truth if that is anything from 3/4 of the others to three times.
-constexpr double kMaybe = 0.5;
+/// within a factor of two of the truth if that is anything from 5/8 to 5/2 of the others.
+constexpr double kMaybe = 0.25;
 
 double dotOf(const vec3& a, const vec3& b) { return static_cast<double>(glm::dot(a, b)); }
 

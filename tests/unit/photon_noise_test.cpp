@@ -204,12 +204,12 @@ TEST(BiasLeft, HoldsWhatIsKnown) {
   EXPECT_NEAR(corrected.square(0.01, 0.0), 0.006, 1e-5);
 }
 
-/// What does not stand out counts for no more than half of what is known of the error.
+/// What does not stand out counts for no more than a quarter of what is known of the error.
 TEST(BiasLeft, WhatMayBeNoiseDoesNotOutweighWhatIsKnown) {
   for (const double square : {0.001, 0.1, 0.3, 0.59}) {
     const BiasLeft doubtful{{square, 0.3}, 0.0, 0.0};
     EXPECT_EQ(doubtful.square(0.0, 0.0), 0.0);
-    EXPECT_LE(doubtful.square(0.01, 0.02), 0.01 + 0.5 * 0.03);
+    EXPECT_LE(doubtful.square(0.01, 0.02), 0.01 + 0.25 * 0.03);
     EXPECT_GT(doubtful.square(0.0, 0.02), 0.0);
   }
   const BiasLeft sure{{1.5, 0.3}, 0.0, 0.0};  // by five standard errors
