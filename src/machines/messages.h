@@ -235,7 +235,8 @@ struct SomePhotons {
   ShotPhotons photons;
   template <class F>
   void fields(F&& f) {
-    f(view), f(id), f(batch), f(first), f(end), f(seconds), f(photons.records), f(photons.lessons);
+    f(view), f(id), f(batch), f(first), f(end), f(seconds), f(photons.records), f(photons.turns),
+        f(photons.lessons);
   }
 };
 using Shot = SomePhotons<Kind::kShot>;

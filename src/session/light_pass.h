@@ -21,7 +21,8 @@ std::uint64_t photonTarget(std::uint32_t sample, std::uint64_t pixels);
 class LightPass {
  public:
   /// `rayBounces`: photons bounce as C-rays, and the device only adds up where they land. They do
-  /// so in a scene with media or few bounces, whatever is said here: voxels know of neither.
+  /// so in a scene with media or where bounces have an end, whatever is said here: voxels know of
+  /// neither.
   LightPass(const Scene& scene, const WalkTracer& walks, const LightSet& lights, GRayTracer& device,
             LightCache& cache, std::uint32_t seed, bool rayBounces);
 
@@ -80,6 +81,7 @@ class LightPass {
   std::uint64_t emitted_ = 0, landed_ = 0, wanted_ = 0;
   int losses_ = 0;                       ///< GRayTracer::fluxLosses() of before
   std::uint64_t resolved_ = 0;           ///< photons that the cache knows of
+  TurnSums turns_;                       ///< counts where Scene::maxBounces has an end
   std::uint64_t chunk_ = 1u << 11;       ///< photons that take some milliseconds here
   std::vector<PhotonLesson> unlearned_;  ///< of the batch under way
   ImportanceMap importance_;

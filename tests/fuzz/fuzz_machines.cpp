@@ -44,6 +44,7 @@ void readPhotons(const M& some) {
   require(!parts.add(some.first, some.end, some.photons));
   const trex::ShotPhotons all = parts.joined();
   require(all.records.size() == some.photons.records.size());
+  require(all.turns == some.photons.turns);
   for (const trex::shaderio::PhotonRecord& r : all.records) {
     const std::uint64_t number = r.index & (trex::shaderio::kPhotonNumbers - 1);
     require(number >= some.first && number < some.end);

@@ -47,6 +47,7 @@ int main(int argc, char** argv) {
   trex::ShotPhotons photons;
   photons.records = {{glm::vec3(1.0f), 7, glm::vec3(2.0f), 300},
                      {glm::vec3(3.0f), 8, glm::vec3(0.5f), 301}};
+  photons.turns = {0, 3};
   photons.lessons = {{glm::vec4(0.5f), 1.0f, 2.0f, 0}};
   write("at_photons", AtPhotons{1, 256, 512});
   write("shoot", ShootPhotons{1, 2, 256, 256, 512});
