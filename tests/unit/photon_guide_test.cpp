@@ -263,7 +263,7 @@ TEST(PhotonGuide, KnowingNothingIsUniform) {
 /// All points equal: boxes shrink to a smallest size and the density stays finite.
 TEST(PhotonGuide, OnePointForAll) {
   EmissionGuide guide(4);
-  for (int i = 0; i < 10000; ++i) guide.learn(vec4(0.5f), 1.0f, 1.0f);
+  for (int i = 0; i < 10000; ++i) guide.hint(vec4(0.5f), 1.0f);
   guide.update();
   vec4 p(0.25f);
   const float density = guide.warp(0.5f, p);
