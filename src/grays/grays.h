@@ -39,6 +39,9 @@ class GRayTracer {
   /// Waits for a batch; results in the order of its queries. Valid until the batch after next.
   virtual std::span<const shaderio::GatherResult> finishGather(int ticket) = 0;
 
+  /// Makes what the first photons need, memory, shaders and tables, so that they need not wait for
+  /// it. Of no effect on what comes out.
+  virtual void prepare() {}
   /// Forgets all flux (a light edit).
   virtual void resetFlux() = 0;
   /// Deposits each record as direct flux at its voxel, then bounces it through the ASVO (Russian

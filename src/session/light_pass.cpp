@@ -16,7 +16,7 @@ namespace {
 constexpr std::uint64_t kBatch = 1u << 18;  // photons that guides learn from at a time
 /// Guides learn after each batch, so the first ones are small.
 constexpr std::uint64_t kPilotBatch = 1u << 14, kPilotPhotons = 1u << 17;
-constexpr double kChunkSeconds = 0.003;  // between two questions whether to go on
+constexpr double kPhotonSeconds = 1.5e-6;  // of one, before it is known
 constexpr std::uint64_t kMostPhotons = shaderio::kPhotonNumbers;
 /// Counts of the largest photon: 2^30 photons x 2^8 deposits x 2^20 counts stay below 2^63.
 constexpr double kLargestCounts = 1u << 20;
@@ -33,7 +33,8 @@ std::uint64_t photonTarget(std::uint32_t sample, std::uint64_t pixels) {
 }
 
 LightPass::LightPass(const Scene& scene, const WalkTracer& walks, const LightSet& lights,
-                     GRayTracer& device, LightCache& cache, std::uint32_t seed, bool rayBounces)
+                     GRayTracer& device, LightCache& cache, std::uint32_t seed, bool rayBounces,
+                     double slice)
     : scene_(scene),
       walks_(walks),
       lights_(lights),
@@ -41,7 +42,9 @@ LightPass::LightPass(const Scene& scene, const WalkTracer& walks, const LightSet
       cache_(cache),
       seed_(seed),
       rayBounces_(rayBounces || walks.rays().media() != nullptr ||
-                  scene.maxBounces != Scene::kAnyBounces) {
+                  scene.maxBounces != Scene::kAnyBounces),
+      slice_(slice),
+      chunk_(std::bit_floor(static_cast<std::uint64_t>(slice / kPhotonSeconds))) {
   const Box3f bounds = walks.rays().bounds();
   const double radius = bounds.empty() ? 1.0 : 0.5 * glm::length(dvec3(bounds.size()));
   const double sphere = 4.0 * std::numbers::pi * radius * radius;
@@ -158,8 +161,8 @@ bool LightPass::run(std::uint64_t target, const std::function<bool()>& keepGoing
       const std::uint64_t most = walks_.waits() || sharer_ != nullptr ? kBatch : chunk_;
       going = shoot(std::min({most, boundary() - emitted_, target - emitted_}), keepGoing, giveUp);
       const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - mark;
-      if (taken.count() > 1.5 * kChunkSeconds) chunk_ = std::max<std::uint64_t>(chunk_ / 2, 256);
-      if (taken.count() < 0.5 * kChunkSeconds) chunk_ = std::min(chunk_ * 2, kBatch);
+      if (taken.count() > 1.5 * slice_) chunk_ = std::max<std::uint64_t>(chunk_ / 2, 256);
+      if (taken.count() < 0.5 * slice_) chunk_ = std::min(chunk_ * 2, kBatch);
     }
     going = going && device_.resolveLight(emitted_, keepGoing);
   } while (noticeLoss());

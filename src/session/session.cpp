@@ -28,6 +28,7 @@ Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
       goal_(settings_),
       light_(settings_),
       samples_(model_->scene, settings_) {
+  if (!settings_.interactive) prepareDenoiser(settings_);
   layers_.alpha |= settings_.transparent;
   makeFrames();
   keepTimeFree();
