@@ -199,7 +199,7 @@ std::unique_ptr<Mesh> PageCache::restore(std::uint32_t page) {
 }
 
 std::unique_ptr<Mesh> PageCache::unpack(std::uint32_t page, std::span<const std::byte> packed) {
-  const auto start = std::chrono::steady_clock::now();
+  const ThreadMoment start = threadMoment();
   bool& known = slots_[page].known;
   auto mesh =
       std::make_unique<Mesh>(Mesh::fromPage(unpackPage(file_, table_, page, packed, known), grid_));
@@ -209,10 +209,16 @@ std::unique_ptr<Mesh> PageCache::unpack(std::uint32_t page, std::span<const std:
                         " has a material that does not exist");
   known = true;
   if (kept_) {
-    const std::chrono::duration<double> took = std::chrono::steady_clock::now() - start;
-    kept_->keep(page, mesh->bytes(), took.count());
+    const double unpacked = secondsTaken(start, threadMoment());
+    kept_->keep(page, mesh->bytes(), unpacked + secondsToSend(page));
   }
   return mesh;
+}
+
+/// Of a file that another machine has, where that takes a link's time.
+double PageCache::secondsToSend(std::uint32_t page) const {
+  const FileSpeed speed = file_.speed();
+  return speed.bandwidth > 0.0 ? table_.pages[page].packedBytes / speed.bandwidth : 0.0;
 }
 
 /// Pages behind one that is about to be read.

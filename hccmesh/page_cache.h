@@ -119,6 +119,7 @@ class PageCache {
   Pin load(std::uint32_t page, std::span<const std::byte> packed);
   std::unique_ptr<Mesh> restore(std::uint32_t page);
   std::unique_ptr<Mesh> unpack(std::uint32_t page, std::span<const std::byte> packed);
+  double secondsToSend(std::uint32_t page) const;
   void readAhead(std::uint32_t page) const;
   void wait(std::unique_lock<std::mutex>& lock);
   bool evictOne();

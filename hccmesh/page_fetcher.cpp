@@ -103,7 +103,7 @@ void PageFetcher::bring(const std::vector<std::uint32_t>& pages) {
   for (const std::uint32_t page : absent) {
     const PageEntry& entry = table_.pages[page];
     packed.emplace_back(entry.packedBytes);
-    parts.push_back({entry.offset, packed.back()});
+    parts.push_back({entry.offset, packed.back(), entry.checksum});
   }
   cache_.file().readAll(parts);
   for (std::size_t i = 0; i < absent.size(); ++i) cache_.pin(absent[i], packed[i]).release();

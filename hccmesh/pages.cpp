@@ -190,7 +190,8 @@ void readPage(const PageFile& file, const PageTable& table, std::uint32_t page,
               std::vector<std::byte>& packed) {
   const PageEntry& entry = table.pages[page];
   packed.resize(entry.packedBytes);
-  file.read(entry.offset, packed);
+  const FilePart whole{entry.offset, packed, entry.checksum};
+  file.readAll({&whole, 1});
 }
 
 ClusterPage loadPage(const PageFile& file, const PageTable& table, std::uint32_t page, bool known) {

@@ -85,6 +85,7 @@ struct PageTable {
 struct FilePart {
   std::uint64_t offset = 0;
   std::span<std::byte> out{};
+  std::uint64_t checksum = 0;  ///< XXH3-64 of what is there, as of a page's entry; 0: not known
 };
 
 /// What a read takes, as far as is known before there was one; a bandwidth of 0: not known.
@@ -98,7 +99,8 @@ class PageFile {
   virtual ~PageFile() = default;
   /// Fills `out` from an offset in the pages' section. Throws with the file and the place.
   virtual void read(std::uint64_t offset, std::span<std::byte> out) const = 0;
-  /// Several parts, as read() of each.
+  /// Several parts, as read() of each. What comes may differ from a checksum that is known: whoever
+  /// could have it from somewhere else looks.
   virtual void readAll(std::span<const FilePart> parts) const {
     for (const FilePart& part : parts) read(part.offset, part.out);
   }

@@ -4,32 +4,30 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <chrono>
+#include <cmath>
 
 #define XXH_INLINE_ALL
 #include <xxhash.h>
 
 namespace hccm {
-namespace {
 
-double secondsSince(std::chrono::steady_clock::time_point start) {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+void Saving::took(double seconds, double instead) {
+  const double before = std::max(seconds_.load(), 1e-9);
+  const bool tries = before >= instead;
+  // A trial says more than what was long ago; after one that paid comes another.
+  const double weight = tries ? 0.5 : 0.1;
+  seconds_.store(before + weight * (std::min(seconds, 4.0 * before) - before));
+  if (!tries || seconds >= instead) without_.store(0.0);
 }
 
-}  // namespace
-
-void UsualSeconds::took(double seconds) {
-  const double before = seconds_.load();
-  seconds_.store(before + 0.1 * (std::min(seconds, 4.0 * before) - before));
-}
-
-UnpackedPages::UnpackedPages(int file, std::uint64_t limit, std::size_t pages, bool measures)
-    : file_(file), limit_(limit), measures_(measures), entries_(pages) {}
+UnpackedPages::UnpackedPages(int file, std::uint64_t limit, std::size_t pages, bool measures,
+                             ThreadMoment (*clock)())
+    : file_(file), limit_(limit), measures_(measures), clock_(clock), entries_(pages) {}
 
 UnpackedPages::~UnpackedPages() { ::close(file_); }
 
 bool UnpackedPages::read(std::uint32_t page, std::span<std::byte> out) {
-  const auto start = std::chrono::steady_clock::now();
+  const ThreadMoment start = clock_();
   Entry& entry = entries_[page];
   std::uint64_t offset = entry.offset.load(std::memory_order_acquire);
   for (std::span<std::byte> left = out; !left.empty();) {
@@ -40,7 +38,7 @@ bool UnpackedPages::read(std::uint32_t page, std::span<std::byte> out) {
     offset += static_cast<std::uint64_t>(got);
     if (!left.empty()) continue;
     if (XXH3_64bits(out.data(), out.size()) != entry.checksum) break;
-    reading_.took(secondsSince(start));
+    reading_.took(secondsTaken(start, clock_()), unpacking_.value());
     return true;
   }
   entry.offset.store(kNowhere);
@@ -60,11 +58,11 @@ bool UnpackedPages::write(std::uint64_t offset, std::span<const std::byte> bytes
 
 void UnpackedPages::keep(std::uint32_t page, std::span<const std::byte> bytes,
                          double unpackSeconds) {
-  unpacking_.took(unpackSeconds);
-  if (isThere(page)) return reading_.missed();
+  unpacking_.took(unpackSeconds, HUGE_VAL);
+  if (isThere(page)) return reading_.without(unpackSeconds);
   if (full_) return;
-  if (!pays(writing_)) return writing_.missed();
-  const auto start = std::chrono::steady_clock::now();
+  if (measures_ && !writing_.pays(unpacking_.value())) return writing_.without(unpackSeconds);
+  const ThreadMoment start = clock_();
   const std::uint64_t offset = end_.fetch_add(bytes.size());
   if (offset + bytes.size() > limit_ || !write(offset, bytes)) {
     end_.fetch_sub(bytes.size());
@@ -74,7 +72,7 @@ void UnpackedPages::keep(std::uint32_t page, std::span<const std::byte> bytes,
   Entry& entry = entries_[page];
   entry.checksum = XXH3_64bits(bytes.data(), bytes.size());
   entry.offset.store(offset, std::memory_order_release);
-  writing_.took(secondsSince(start));
+  writing_.took(secondsTaken(start, clock_()), unpacking_.value());
 }
 
 }  // namespace hccm

@@ -20,7 +20,6 @@
 #define PHOTON_READS
 #endif
 
-PHOTON_CONST uint kMaxBounces = 64u;
 /// Distance by which a photon leaves its surface, in edges of a leaf voxel.
 PHOTON_CONST float kStartOffset = 0.4f;
 
@@ -135,7 +134,7 @@ vec3 photonMetal(PhotonMaterial material) PHOTON_READS {
 }
 
 /// Scatters the photon and flies it to its next voxel, where it is deposited; or ends it: absorbed,
-/// out of the cube, or after kMaxBounces.
+/// out of the cube, or after kMostPhotonBounces.
 void photonStep(PHOTON_INOUT(PhotonPath) path, float countsPerWatt) PHOTON_READS {
   uint number = min(asvoMaterial(path.voxel), PHOTON_MATERIAL_COUNT - 1u);
   PhotonMaterial material = PHOTON_MATERIAL(number);
@@ -154,7 +153,7 @@ void photonStep(PHOTON_INOUT(PhotonPath) path, float countsPerWatt) PHOTON_READS
   float metalShare = max(metal.x, max(metal.y, metal.z));
 
   vec3 random = randomUnit(path.index, path.bounce, kDimensionScatter);
-  path.alive = random.x < diffuseShare + metalShare && path.bounce < kMaxBounces;
+  path.alive = random.x < diffuseShare + metalShare && path.bounce < kMostPhotonBounces;
   if (!path.alive) return;
   vec3 direction;
   if (random.x < diffuseShare) {

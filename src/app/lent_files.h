@@ -11,6 +11,7 @@
 #include <system_error>
 #include <vector>
 
+#include "src/bundle/page_disk.h"
 #include "src/bundle/page_file.h"
 #include "src/core/error.h"
 #include "src/machines/page_server.h"
@@ -25,6 +26,15 @@ inline machines::ServedFile servedFile(const std::string& path) {
   const std::uint64_t size = fs::is_regular_file(path, error) ? fs::file_size(path, error) : 0;
   if (error || size == 0) return {};
   return {std::make_shared<bundle::FilePages>(path, 0), size};
+}
+
+/// Packed pages of the model are kept here for other machines, in a file in a folder, unless no
+/// other would ask.
+inline void passPagesOn(machines::Worker& worker, const machines::Welcome& welcome,
+                        const std::filesystem::path& folder, std::uint64_t limit) {
+  if (welcome.local || welcome.holder != 0 || worker.machines() < 3) return;
+  const int file = openPageDisk(folder, limit, "other machines get no pages from this one");
+  if (file >= 0) worker.passOn(std::make_unique<machines::PageShelf>(file, limit), welcome);
 }
 
 /// Copies of machine 0's small files, for as long as this is there.

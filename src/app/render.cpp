@@ -103,6 +103,12 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
                 "Disk for pages that were unpacked once where these don't fit in memory, such as "
                 "20G, auto (half of what is free) or off: a temporary file beside the picture")
       ->capture_default_str();
+  c->add_option(
+       "--page-order", a->pageOrder,
+       "In which order pages are loaded that paths wait for: plan, or, to compare with it, "
+       "round-robin over blocks of pages; the picture is the same")
+      ->check(CLI::IsMember({"plan", "round-robin"}))
+      ->capture_default_str();
   c->add_option("--trace", a->trace,
                 "File for the timelines of loading and tracing where paths wait for pages: .svg or "
                 ".html a picture, else JSON for Chrome's and Perfetto's viewers");

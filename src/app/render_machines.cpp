@@ -137,6 +137,9 @@ void followJob(RenderArguments& a, machines::Worker& worker) {
   if (!welcome->local && welcome->fileBytes.size() != kFiles) {
     fail(ExitCode::kFailed, "machine 0: has not said which files there are");
   }
+  const std::filesystem::path folder = std::filesystem::temp_directory_path();
+  const std::uint64_t model = welcome->local ? 0 : welcome->fileBytes[kModelFile];
+  passPagesOn(worker, *welcome, folder, diskForOthers(a, folder, model));
   LentFiles lent(worker, *welcome);
   OpenedRender opened;
   openForRender(a, sourceOf(a, worker, *welcome, lent), opened);

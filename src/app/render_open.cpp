@@ -109,12 +109,19 @@ fs::path folderFor(const RenderArguments& a, const RenderSource& source) {
   return source.writes ? fs::absolute(a.output).parent_path() : fs::temp_directory_path();
 }
 
+/// What --page-disk lets be taken in a folder.
+std::uint64_t diskAllowed(const RenderArguments& a, const fs::path& folder) {
+  if (a.pageDisk == "off") return 0;
+  return a.pageDisk == "auto" ? spareDisk(folder) : parseBytes(a.pageDisk);
+}
+
 /// For pages that were unpacked.
 PageDisk diskFor(const RenderArguments& a, const RenderSource& source, std::uint64_t pages) {
   if (a.pageDisk == "off" || pages == 0) return {};
   const fs::path folder = folderFor(a, source);
-  const std::uint64_t bytes =
-      a.pageDisk == "auto" ? std::min(spareDisk(folder), 2 * pages) : parseBytes(a.pageDisk);
+  std::uint64_t bytes = diskAllowed(a, folder);
+  if (source.file) bytes -= diskForOthers(a, folder, source.bytes);
+  if (a.pageDisk == "auto") bytes = std::min(bytes, 2 * pages);
   logVerbose("disk: {:>10} in {} for pages that were unpacked", formatBytes(bytes),
              folder.string());
   return {folder, bytes};
@@ -141,6 +148,11 @@ OpenOptions optionsOf(const RenderArguments& a, const RenderSource& source) {
 void checkFiles(const RenderArguments& a) {
   checkWritable(a.output);
   if (!a.trace.empty()) checkWritable(a.trace);
+}
+
+std::uint64_t diskForOthers(const RenderArguments& a, const fs::path& folder,
+                            std::uint64_t modelBytes) {
+  return std::min(diskAllowed(a, folder) / 4, modelBytes);
 }
 
 void openForRender(RenderArguments& a, const RenderSource& source, OpenedRender& out) {

@@ -41,6 +41,11 @@ struct OpenedRender {
 /// Whether the files that a render writes can be written. Throws Error(kOutput).
 void checkFiles(const RenderArguments& a);
 
+/// Bytes of --page-disk in a folder that hold packed pages for other machines, of a model that has
+/// so many; the rest is for pages that were unpacked.
+std::uint64_t diskForOthers(const RenderArguments& a, const std::filesystem::path& folder,
+                            std::uint64_t modelBytes);
+
 /// Opens the model, makes the views, and fits caches and voxels to the memory there is; from its
 /// scene on interrupts are caught. Throws Error.
 void openForRender(RenderArguments& a, const RenderSource& source, OpenedRender& out);

@@ -51,9 +51,9 @@ nlohmann::json machineRows(const machines::Leader& leader, const SessionReport& 
   nlohmann::json out = nlohmann::json::array();
   auto rows = leader.rows();
   rows[0].device = own.device;
-  rows[0].times = {processorSeconds(),    own.photonSeconds,   own.traffic.waiting,
-                   own.traffic.unpacking, own.traffic.reading, own.pages.loads,
-                   own.pages.restored};
+  machines::MachineTimes& times = rows[0].times;
+  times = {processorSeconds(),  own.photonSeconds, own.traffic.waiting, own.traffic.unpacking,
+           own.traffic.reading, own.pages.loads,   own.pages.restored};
   for (std::size_t i = 0; i < rows.size(); ++i) {
     const machines::MachineRow& row = rows[i];
     const auto measured = [&](double value) {
@@ -79,6 +79,9 @@ nlohmann::json machineRows(const machines::Leader& leader, const SessionReport& 
                    {"link_round_trip_seconds", measured(row.link.roundTrip)},
                    {"link_bytes_a_second", measured(row.link.bandwidth)},
                    {"model_bytes_sent", row.servedBytes},
+                   {"page_bytes_planned", row.times.plannedBytes},
+                   {"page_bytes_received", row.times.receivedBytes},
+                   {"page_bytes_passed_on", row.times.passedBytes},
                    {"peak_resident_bytes", row.peakBytes}});
   }
   return out;

@@ -112,6 +112,9 @@ void serve(const WorkerArguments& w, machines::Server& server) {
   }
   const ViewArguments a = windowOf(*window, w);
   const std::string input = welcome->holder == 0 ? a.viewer.input.string() : welcome->model;
+  const std::filesystem::path folder = std::filesystem::temp_directory_path();
+  const std::uint64_t packed = welcome->local ? 0 : welcome->fileBytes[kModelFile];
+  passPagesOn(server, *welcome, folder, std::min(spareDisk(folder) / 4, packed));
   LentFiles lent(server, *welcome);
   std::string environment = a.viewer.environment;
   if (!welcome->local && lent.has(kEnvironmentFile)) {

@@ -39,7 +39,7 @@ Scorer benchReference(const BenchScene& scene, const std::shared_ptr<const Model
 /// ends it.
 void runUntil(Session& session, double seconds);
 
-/// Seconds at which pictures are scored: 0.25, 0.5, 1, ... and the last.
+/// Seconds at which pictures are scored: 0.0625, 0.125, 0.25, ... and the last.
 class BenchPoints {
  public:
   explicit BenchPoints(double seconds) : seconds_(seconds) {}
@@ -48,7 +48,7 @@ class BenchPoints {
   bool goOn(double taken);
 
  private:
-  double seconds_, next_ = 0.25;
+  double seconds_, next_ = 0.0625;
 };
 
 }  // namespace trex

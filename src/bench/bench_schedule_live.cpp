@@ -68,7 +68,7 @@ Rendered render(const LiveArguments& a, const Way& way) {
   settings.exact = a.exact;
   settings.device = RenderSettings::kNoDevice;
   settings.rayMemory = way.waits ? parseBytes(a.rayMemory) : 0;
-  settings.predictLoads = way.predicts;
+  settings.loadOrder = way.predicts ? LoadOrder::kPlan : LoadOrder::kWaiting;
   settings.recordTraffic = way.predicts && !(a.picture.empty() && a.trace.empty());
   Session session(model, model->scene.cameras.front(), settings);
   const double before = processorSeconds();

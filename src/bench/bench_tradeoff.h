@@ -19,10 +19,11 @@ struct TradeoffArguments {
   RenderSettings settings;  ///< size, seed, device, guess, filter; the rest is set here
 };
 
-/// Renders every scene with every share. A run stops at 0.25, 0.5, 1, 2, ... seconds, is scored and
-/// goes on; scoring does not count as time, the filter of each picture does. Scores are those of
-/// compareImages, relMSE without the largest 0.1 % of its terms; where NAME.clean.exr lies beside
-/// the reference NAME.exr, FLIP is taken against it. An interrupt ends the bench with what is done.
+/// Renders every scene with every share. A run stops at 0.0625, 0.125, 0.25, ... seconds, is scored
+/// and goes on; scoring does not count as time, the filter of each picture does. Scores are those
+/// of compareImages, relMSE without the largest 0.1 % of its terms; where NAME.clean.exr lies
+/// beside the reference NAME.exr, FLIP is taken against it. An interrupt ends the bench with what
+/// is done.
 ///
 /// The document: {"bench": "tradeoff", "machine": {..}, "settings": {..}, "scenes": [{"name",
 /// "input", "environment", "max_bounces", "reference": {..}, "setup": {..}, "runs": [{"exact" (or

@@ -50,6 +50,17 @@ PhotonMap::PhotonMap(std::span<const LandedPhoton> landed, std::uint64_t emitted
   for (const LandedPhoton& p : landed)
     cloud.photons.push_back({p.position, p.normal, p.power * share});
   tree_ = std::make_unique<Tree>(std::move(cloud));
+  if (landed.empty()) return;
+  Box3f bounds;
+  std::uint32_t most = 0;
+  for (const LandedPhoton& p : landed) {
+    bounds.extend(p.position);
+    most = std::max(most, p.turns);
+  }
+  TurnSums sums(bounds, most);
+  for (const LandedPhoton& p : landed)
+    sums.add(p.position, p.turns, p.power.x + p.power.y + p.power.z);
+  turns_ = sums.shares();
 }
 
 PhotonMap::~PhotonMap() = default;

@@ -25,6 +25,10 @@ class PhotonMap final : public CachedLight {
   bool irradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
                   vec3& out) const override;
 
+  float shareOfTurns(const vec3& position, std::uint32_t turns) const override {
+    return turns_.at(position, turns);
+  }
+
   std::size_t photons() const;
   std::size_t bytes() const;
 
@@ -32,6 +36,7 @@ class PhotonMap final : public CachedLight {
   struct Tree;
   std::unique_ptr<Tree> tree_;
   std::size_t nearest_;
+  TurnShares turns_;
 };
 
 }  // namespace trex

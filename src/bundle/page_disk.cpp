@@ -22,15 +22,21 @@ std::uint64_t spareDisk(const std::filesystem::path& folder) {
   return std::uint64_t{disk.f_bavail} * static_cast<std::uint64_t>(disk.f_bsize) / 2;
 }
 
+int openPageDisk(const std::filesystem::path& folder, std::uint64_t limit, const char* instead) {
+  if (limit == 0) return -1;
+  try {
+    return detail::openTemporaryFile(folder);
+  } catch (const Error& e) {
+    logWarning("{}; {}", e.what(), instead);
+    return -1;
+  }
+}
+
 std::unique_ptr<hccm::UnpackedPages> openUnpackedPages(const std::filesystem::path& folder,
                                                        std::uint64_t limit, std::size_t pages) {
-  if (limit == 0) return {};
-  try {
-    return std::make_unique<hccm::UnpackedPages>(detail::openTemporaryFile(folder), limit, pages);
-  } catch (const Error& e) {
-    logWarning("{}; pages are unpacked each time that they are loaded", e.what());
-    return {};
-  }
+  const int file = openPageDisk(folder, limit, "pages are unpacked each time that they are loaded");
+  if (file < 0) return {};
+  return std::make_unique<hccm::UnpackedPages>(file, limit, pages);
 }
 
 }  // namespace trex

@@ -41,6 +41,7 @@ void readSettings(RenderArguments& a) {
   if (a.rayMemory != "auto" && a.rayMemory != "off") parseBytes(a.rayMemory);
   if (a.pageDisk != "auto" && a.pageDisk != "off") parseBytes(a.pageDisk);
   if (s.samples == 0 && s.seconds == 0.0 && s.error == 0.0) s.samples = 64;
+  if (a.pageOrder == "round-robin") s.loadOrder = LoadOrder::kInTurn;
   s.device = parseDevice(a.device);
   s.machine = measuredMachine(s);
   if (!a.path.empty() && !a.cameras.empty()) {

@@ -23,7 +23,7 @@ struct RenderArguments {
   std::string edits;                 ///< overlay on the scene, as the viewer saves it
   std::vector<std::string> volumes;  ///< as --volume
   std::string maxMemory, maxGpuMemory, cache, textureMemory;
-  std::string rayMemory = "auto", pageDisk = "auto";
+  std::string rayMemory = "auto", pageDisk = "auto", pageOrder = "plan";
   std::vector<std::string> layers;
   std::string trace;  ///< file of what was planned and done while paths waited for pages
   std::string checkpoint;

@@ -4,11 +4,13 @@
 #pragma once
 
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "asvo/tracer.h"
 #include "src/core/maths.h"
 #include "src/core/sampler.h"
+#include "src/crays/turn_shares.h"
 
 namespace trex {
 
@@ -44,6 +46,11 @@ class CachedLight {
     noise = vec3(0.0f);
     return irradiance(position, normal, radius, jitter, out);
   }
+  /// Of the light at a place what had turned at most so many times before it came there, [0, 1]:
+  /// see TurnShares.
+  virtual float shareOfTurns(const vec3& /*position*/, std::uint32_t /*turns*/) const {
+    return 1.0f;
+  }
 };
 
 /// Reads a tree and its light; setLight() while nobody does.
@@ -57,6 +64,8 @@ class LightCache final : public CachedLight {
   /// there is none.
   void setLight(std::span<const asvo::uvec4> light, double scale, double photons,
                 std::span<const asvo::uvec4> before = {}, double photonsBefore = 0.0);
+  /// How often the photons of this light have turned.
+  void setTurns(TurnShares turns) { turns_ = std::move(turns); }
 
   bool hasLight() const { return !light_.empty(); }
   double scale() const { return static_cast<double>(scale_); }
@@ -80,6 +89,9 @@ class LightCache final : public CachedLight {
   /// of few photons that samples were read from before have nothing to do with it.
   bool noisyIrradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
                        vec3& out, vec3& noise) const override;
+  float shareOfTurns(const vec3& position, std::uint32_t turns) const override {
+    return turns_.at(position, turns);
+  }
 
  private:
   /// A voxel and the side of it that faces the same way.
@@ -97,6 +109,7 @@ class LightCache final : public CachedLight {
   std::span<const asvo::uvec2> nodes_;
   std::vector<std::uint32_t> table_;  ///< by cell, x first; empty where the tree has fewer levels
   std::span<const asvo::uvec4> light_, before_;
+  TurnShares turns_;
   asvo::AsvoInfo info_{};
   float leafSize_ = 0.0f;
   float scale_ = 1.0f;

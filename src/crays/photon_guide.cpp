@@ -68,8 +68,17 @@ float EmissionGuide::warp(float choice, vec4& primary) const {
 }
 
 void EmissionGuide::learn(const vec4& primary, float density, float value) {
-  if (dimensions_ == 0 || learnt_.size() >= kMostPoints || !(value > 0.0f)) return;
-  learnt_.push_back({primary, value * value / density});
+  if (dimensions_ == 0 || !(value > 0.0f)) return;
+  const float moment = value * value / density;
+  // A photon that lands again: one point. Boxes are cut by the number of points, and the few
+  // photons of a white room, each told many times, would leave leaves between them without any;
+  // these get no photons for it, and learn no more, until one of the uniform share brings what all
+  // should have.
+  if (!learnt_.empty() && learnt_.back().primary == primary) {
+    learnt_.back().moment += moment;
+  } else if (learnt_.size() < kMostPoints) {
+    learnt_.push_back({primary, moment});
+  }
 }
 
 void EmissionGuide::hint(const vec4& primary, float weight) {

@@ -90,7 +90,7 @@ class EmissionGuide {
   float warp(float choice, vec4& primary) const;
 
   /// A photon started at `primary` with this density and landed where `value` (> 0) is its
-  /// importance.
+  /// importance; one that lands more than once is told again before the next one.
   void learn(const vec4& primary, float density, float value);
   /// Before any photon: a place where wanted photons would start. The sum of weights of hints in a
   /// region is in proportion to what photons would give there, value^2 / density.

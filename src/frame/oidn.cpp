@@ -36,6 +36,10 @@ constexpr std::uint64_t kLibraryBytes = 64u << 20, kScratchBytesAPixel = 750;
 constexpr std::uint64_t kMostScratchBytes = 512u << 20;
 constexpr std::uint64_t kImagesAtOnce = 11;
 
+// Filters that are kept between runs: pixels of the largest, and how many.
+constexpr std::uint64_t kKeptPixels = 1u << 17;
+constexpr std::size_t kMostKept = 4;
+
 struct Api {
   DeviceHandle (*newDevice)(int type);
   void (*releaseDevice)(DeviceHandle);
@@ -148,20 +152,46 @@ using Images = std::vector<std::pair<const char*, const std::vector<vec3>*>>;
 }  // namespace
 
 struct Oidn::Impl {
+  /// A filter with its images, ready to run.
+  struct Ready {
+    struct Release {
+      void (*release)(void*);
+      void operator()(void* p) const { release(p); }
+    };
+    using Handle = std::unique_ptr<void, Release>;
+    std::uint32_t width, height;
+    std::string names;  ///< of its images
+    bool light, cleanGuides;
+    OidnQuality quality;
+    std::vector<Handle> buffers{};  ///< of what goes in, then of what comes out
+    Handle filter{nullptr, {nullptr}};
+
+    bool isLike(const Ready& o) const {
+      return width == o.width && height == o.height && names == o.names && light == o.light &&
+             cleanGuides == o.cleanGuides && quality == o.quality;
+    }
+    std::size_t bytes() const { return std::size_t{width} * height * sizeof(vec3); }
+  };
+
   Api api{};
   DeviceHandle handle = nullptr;
   std::string file, version, device;
   mutable std::mutex running;
+  mutable std::vector<Ready> kept;  ///< the one that ran last comes last
 
   void open();
   bool start(int type, std::string& problem);
   std::string nameOf(int type) const;
   void check() const;
+  void make(Ready& ready, const Images& in) const;
+  const Ready& find(std::uint32_t width, std::uint32_t height, const Images& in, bool light,
+                    bool cleanGuides, OidnQuality quality) const;
   std::vector<vec3> run(std::uint32_t width, std::uint32_t height, const Images& in, bool light,
                         bool cleanGuides, OidnQuality quality) const;
   std::vector<vec3> filter(std::uint32_t width, std::uint32_t height, const Images& in, bool light,
                            bool cleanGuides, OidnQuality quality) const;
   void release() {
+    kept.clear();
     if (handle != nullptr) api.releaseDevice(handle);
     handle = nullptr;
   }
@@ -232,40 +262,67 @@ void Oidn::Impl::check() const {
        message != nullptr ? oneLine(message) : fmt::format("error {}", code));
 }
 
-/// One run of its filter.
 /// Buffers of the library are used everywhere: not every GPU reads the host's memory.
+void Oidn::Impl::make(Ready& ready, const Images& in) const {
+  ready.filter = {api.newFilter(handle, "RT"), {api.releaseFilter}};
+  check();
+  const auto bind = [&](const char* name) {
+    ready.buffers.push_back({api.newBuffer(handle, ready.bytes()), {api.releaseBuffer}});
+    check();
+    api.setFilterImage(ready.filter.get(), name, ready.buffers.back().get(), kFloat3, ready.width,
+                       ready.height, 0, 0, 0);
+  };
+  for (const auto& image : in) bind(image.first);
+  bind("output");
+  if (ready.light) api.setFilterBool(ready.filter.get(), "hdr", true);
+  api.setFilterBool(ready.filter.get(), "cleanAux", ready.cleanGuides);
+  api.setFilterInt(ready.filter.get(), "quality", static_cast<int>(ready.quality));
+  api.setFilterInt(ready.filter.get(), "maxMemoryMB", kScratchMegabytes);
+  api.commitFilter(ready.filter.get());
+  check();
+}
+
+/// One that is kept, or a new one in the place of what ran longest ago. Of large pictures none is
+/// kept: they take memory, and seconds beside which the making is nothing.
+const Oidn::Impl::Ready& Oidn::Impl::find(std::uint32_t width, std::uint32_t height,
+                                          const Images& in, bool light, bool cleanGuides,
+                                          OidnQuality quality) const {
+  Ready wanted{width, height, {}, light, cleanGuides, quality};
+  for (const auto& image : in) wanted.names += fmt::format("{} ", image.first);
+  const auto at =
+      std::find_if(kept.begin(), kept.end(), [&](const Ready& r) { return r.isLike(wanted); });
+  if (at != kept.end()) {
+    std::rotate(at, at + 1, kept.end());
+    return kept.back();
+  }
+  const bool small = std::uint64_t{width} * height <= kKeptPixels;
+  if (!small) kept.clear();
+  if (kept.size() == kMostKept) kept.erase(kept.begin());
+  make(wanted, in);
+  kept.push_back(std::move(wanted));
+  return kept.back();
+}
+
+/// One run of its filter.
 std::vector<vec3> Oidn::Impl::run(std::uint32_t width, std::uint32_t height, const Images& in,
                                   bool light, bool cleanGuides, OidnQuality quality) const {
   const std::lock_guard lock(running);
-  const std::size_t bytes = std::size_t{width} * height * sizeof(vec3);
-  const auto releaseFilter = [this](void* f) { api.releaseFilter(f); };
-  const auto releaseBuffer = [this](void* b) { api.releaseBuffer(b); };
-  using Filter = std::unique_ptr<void, decltype(releaseFilter)>;
-  using Buffer = std::unique_ptr<void, decltype(releaseBuffer)>;
-  std::vector<Buffer> buffers;
-  const Filter filter(api.newFilter(handle, "RT"), releaseFilter);
-  check();
-  const auto bind = [&](const char* name) {
-    buffers.emplace_back(api.newBuffer(handle, bytes), releaseBuffer);
+  try {
+    const Ready& ready = find(width, height, in, light, cleanGuides, quality);
+    for (std::size_t i = 0; i < in.size(); ++i) {
+      api.writeBuffer(ready.buffers[i].get(), 0, ready.bytes(), in[i].second->data());
+    }
+    api.executeFilter(ready.filter.get());
     check();
-    api.setFilterImage(filter.get(), name, buffers.back().get(), kFloat3, width, height, 0, 0, 0);
-  };
-  for (const auto& [name, image] : in) {
-    bind(name);
-    api.writeBuffer(buffers.back().get(), 0, bytes, image->data());
+    std::vector<vec3> out(std::size_t{width} * height);
+    api.readBuffer(ready.buffers.back().get(), 0, ready.bytes(), out.data());
+    check();
+    if (std::uint64_t{width} * height > kKeptPixels) kept.clear();
+    return out;
+  } catch (const Error&) {
+    kept.clear();  // who knows what is left of them
+    throw;
   }
-  bind("output");
-  if (light) api.setFilterBool(filter.get(), "hdr", true);
-  api.setFilterBool(filter.get(), "cleanAux", cleanGuides);
-  api.setFilterInt(filter.get(), "quality", static_cast<int>(quality));
-  api.setFilterInt(filter.get(), "maxMemoryMB", kScratchMegabytes);
-  api.commitFilter(filter.get());
-  api.executeFilter(filter.get());
-  check();
-  std::vector<vec3> out(std::size_t{width} * height);
-  api.readBuffer(buffers.back().get(), 0, bytes, out.data());
-  check();
-  return out;
 }
 
 std::vector<vec3> Oidn::Impl::filter(std::uint32_t width, std::uint32_t height, const Images& in,
@@ -319,6 +376,15 @@ std::vector<vec3> Oidn::denoise(const OidnGuides& guides, const std::vector<vec3
   return out;
 }
 
+void Oidn::prepare(std::uint32_t width, std::uint32_t height, bool cleanGuides,
+                   OidnQuality quality) const {
+  if (std::uint64_t{width} * height > kKeptPixels) return;
+  const std::lock_guard lock(impl_->running);
+  impl_->find(std::max(width, kLeastSide), std::max(height, kLeastSide),
+              {{"color", nullptr}, {"albedo", nullptr}, {"normal", nullptr}}, true, cleanGuides,
+              quality);
+}
+
 std::uint64_t Oidn::bytesNeeded(std::uint32_t width, std::uint32_t height) {
   const std::uint64_t pixels = std::uint64_t{width} * height;
   return kLibraryBytes + std::min(pixels * kScratchBytesAPixel, kMostScratchBytes) +
@@ -341,6 +407,11 @@ std::vector<vec3> denoiseLight(const Oidn& library, OidnGuides guides,
     }
   }
   return sum;
+}
+
+void prepareLight(const Oidn& library, std::uint32_t width, std::uint32_t height) {
+  library.prepare(width, height, false, OidnQuality::kBalanced);
+  library.prepare(width, height, true, OidnQuality::kHigh);
 }
 
 std::vector<std::string> oidnPlaces() {

@@ -47,6 +47,11 @@ class Oidn {
   std::vector<vec3> denoise(const OidnGuides& guides, const std::vector<vec3>& light,
                             OidnQuality quality) const;
 
+  /// Makes ready what denoise() needs for light with both guides, `cleanGuides` being smooth: some
+  /// ms, which a small picture had better not wait for. Of no effect for large ones.
+  void prepare(std::uint32_t width, std::uint32_t height, bool cleanGuides,
+               OidnQuality quality) const;
+
   /// Memory that denoiseLight() takes at its peak, with the library itself, bytes (measured on the
   /// CPU).
   static std::uint64_t bytesNeeded(std::uint32_t width, std::uint32_t height);
@@ -62,6 +67,9 @@ class Oidn {
 /// much again as one part takes.
 std::vector<vec3> denoiseLight(const Oidn& library, OidnGuides guides,
                                const std::vector<std::vector<vec3>>& parts, bool thorough);
+
+/// Oidn::prepare() for both ways of denoiseLight(). Throws Error(kMemoryOrDevice).
+void prepareLight(const Oidn& library, std::uint32_t width, std::uint32_t height);
 
 /// Where the library is looked for, in this order: TREX_OIDN alone if it is set (`none`: nowhere);
 /// else what scripts/oidn brings, in oidn/lib below $XDG_DATA_HOME/trex (~/.local/share/trex); the

@@ -19,6 +19,7 @@ using glm::uvec3;
 using glm::vec3;
 using shaderio::kLastLanding;
 using shaderio::kLaterLanding;
+using shaderio::kMostPhotonBounces;
 using shaderio::kPhotonNumbers;
 using shaderio::PhotonMaterial;
 using shaderio::PhotonRecord;

@@ -3,6 +3,7 @@
 #include <tbb/parallel_reduce.h>
 #include <tbb/task_group.h>
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cassert>
@@ -10,6 +11,7 @@
 #include <optional>
 
 #include "src/core/error.h"
+#include "src/core/memory.h"
 #include "src/grays/cpu_photons.h"
 #include "src/grays/grays.h"
 #include "src/grays/resolve.h"
@@ -87,9 +89,23 @@ class CpuTracer final : public GRayTracer {
     return slot.results;
   }
 
+  void prepare() override {
+    if (tree_.info.leafCount == 0) return;
+    light_.prepare(tree_);
+    makeSums();
+  }
+
   void resetFlux() override {
-    direct_.assign(tree_.leaves.size() * kWordsPerLeaf / 2, 0);
-    indirect_.assign(direct_.size(), 0);
+    if (hasFlux_) {
+      for (LargeVector<std::uint64_t>* sums : {&direct_, &indirect_}) {
+        tbb::parallel_for(tbb::blocked_range<std::size_t>(0, sums->size(), 1u << 16),
+                          [&](const tbb::blocked_range<std::size_t>& range) {
+                            std::fill(sums->begin() + static_cast<std::ptrdiff_t>(range.begin()),
+                                      sums->begin() + static_cast<std::ptrdiff_t>(range.end()), 0);
+                          });
+      }
+    }
+    hasFlux_ = false;
     light_.restart();
   }
 
@@ -103,13 +119,14 @@ class CpuTracer final : public GRayTracer {
   void tracePhotons(std::span<const shaderio::PhotonRecord> records, double unit) override {
     const auto start = Clock::now();
     unit_ = unit;
-    if (direct_.empty()) resetFlux();
+    makeSums();
     light_.restart();
     statistics_.photonRecords += records.size();
     if (tree_.info.leafCount == 0) {
       statistics_.lostDeposits += records.size();
       return;
     }
+    hasFlux_ = true;
     const photon::Photons photons(tracer_, materials_, direct_, indirect_);
     const auto countsPerWatt = static_cast<float>(1.0 / unit);
     const PhotonCounts counts = tbb::parallel_reduce(
@@ -135,7 +152,7 @@ class CpuTracer final : public GRayTracer {
   bool resolveLight(std::uint64_t emittedPhotons, const std::function<bool()>& keepGoing) override {
     waitAll();
     if (tree_.info.leafCount == 0 || emittedPhotons == 0) return true;
-    if (direct_.empty()) resetFlux();
+    makeSums();
     if (!light_.resolve(tree_, words(direct_), words(indirect_),
                         unit_ / static_cast<double>(emittedPhotons), emittedPhotons, keepGoing)) {
       return false;
@@ -149,7 +166,12 @@ class CpuTracer final : public GRayTracer {
   GRayStatistics statistics() const override { return statistics_; }
 
  private:
-  static std::span<const std::uint32_t> words(const std::vector<std::uint64_t>& sums) {
+  void makeSums() {
+    direct_.resize(tree_.leaves.size() * kWordsPerLeaf / 2, 0);
+    indirect_.resize(direct_.size(), 0);
+  }
+
+  static std::span<const std::uint32_t> words(const LargeVector<std::uint64_t>& sums) {
     return {reinterpret_cast<const std::uint32_t*>(sums.data()), sums.size() * 2};
   }
 
@@ -196,7 +218,8 @@ class CpuTracer final : public GRayTracer {
   const GridTracer tracer_;  // of photons
   std::vector<std::uint32_t> coneGrid_;
   std::optional<GridTracer> coneTracer_;          // made when a cone first asks
-  std::vector<std::uint64_t> direct_, indirect_;  // made when the first photons come
+  LargeVector<std::uint64_t> direct_, indirect_;  // by prepare(), or when the first photons come
+  bool hasFlux_ = false;
   double unit_ = 0.0;
   std::array<GatherSlot, 2> slots_;
   unsigned next_ = 0;

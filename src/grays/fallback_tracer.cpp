@@ -37,6 +37,9 @@ class FallbackTracer final : public GRayTracer {
     return results;
   }
 
+  void prepare() override {
+    guarded([&] { tracer_->prepare(); });
+  }
   void resetFlux() override {
     guarded([&] { tracer_->resetFlux(); });
   }

@@ -39,11 +39,14 @@ class GRayTracer {
   /// Waits for a batch; results in the order of its queries. Valid until the batch after next.
   virtual std::span<const shaderio::GatherResult> finishGather(int ticket) = 0;
 
+  /// Makes what the first photons need, memory, shaders and tables, so that they need not wait for
+  /// it. Of no effect on what comes out.
+  virtual void prepare() {}
   /// Forgets all flux (a light edit).
   virtual void resetFlux() = 0;
   /// Deposits each record as direct flux at its voxel, then bounces it through the ASVO (Russian
-  /// roulette by albedo, at most 64 bounces), depositing indirect flux. Sums are 64-bit fixed point
-  /// with `unit` watts a count: free of order, equal bits on every run.
+  /// roulette by albedo, at most kMostPhotonBounces), depositing indirect flux. Sums are 64-bit
+  /// fixed point with `unit` watts a count: free of order, equal bits on every run.
   virtual void tracePhotons(std::span<const shaderio::PhotonRecord> records, double unit) = 0;
   /// Filters flux up the tree (sums of flux over sums of area) and turns it into irradiance,
   /// divided by `emittedPhotons`. Afterwards light() and gathers see it. `keepGoing` is asked every

@@ -56,6 +56,7 @@ class PagedTracer final : public GRayTracer {
     return results;
   }
 
+  void prepare() override { host_->prepare(); }
   void resetFlux() override { host_->resetFlux(); }
 
   void tracePhotons(std::span<const shaderio::PhotonRecord> records, double unit) override {

@@ -44,13 +44,55 @@ struct Sums {
   }
 };
 
+/// Area of the faces against a leaf's normal over that of those along it, by their coverages: 0
+/// for a few.
+float backShare(const asvo::Tree& tree, const asvo::Tracer& tracer, std::uint32_t node) {
+  const vec3 n = tracer.asvoNormal(node);
+  float along = 0.0f, against = 0.0f;
+  for (int axis = 0; axis < 3; ++axis) {
+    const auto facing = static_cast<std::uint32_t>(2 * axis) + (n[axis] < 0.0f ? 1u : 0u);
+    const float part = std::abs(n[axis]);
+    along += part * static_cast<float>(tracer.asvoCoverage(tree.voxels[node], facing));
+    against += part * static_cast<float>(tracer.asvoCoverage(tree.voxels[node], facing ^ 1u));
+  }
+  const float share = along > 0.0f ? std::min(against / along, 1.0f) : 1.0f;
+  return share < kFewFaces ? 0.0f : share;
+}
+
+template <typename Function>
+void forChildren(const asvo::Tree& tree, std::uint32_t node, const Function& function) {
+  const asvo::uvec2 links = tree.nodes[node];
+  const auto count = static_cast<std::uint32_t>(std::popcount(links.y & 255u));
+  for (std::uint32_t i = 0; i < count; ++i) function(links.x + i);
+}
+
 }  // namespace
+
+TreeFaces::TreeFaces(const asvo::Tree& tree)
+    : leaves(tree.info.leafCount), flips(tree.info.nodeCount, 0) {
+  const asvo::Tracer tracer(tree);
+  const std::uint32_t first = tree.info.firstLeaf;
+  tbb::parallel_for(tbb::blocked_range<std::uint32_t>(0, tree.info.nodeCount, 1024),
+                    [&](const tbb::blocked_range<std::uint32_t>& range) {
+                      for (std::uint32_t node = range.begin(); node != range.end(); ++node) {
+                        if (node >= first) {
+                          const float area = tree.leafArea(node);
+                          leaves[node - first] = {area, area * backShare(tree, tracer, node)};
+                          continue;
+                        }
+                        forChildren(tree, node, [&](std::uint32_t child) {
+                          flips[child] = tracer.asvoFlips(child, node);
+                        });
+                      }
+                    });
+}
 
 struct LightResolver::Work {
  public:
-  Work(const asvo::Tree& tree, std::span<const std::uint32_t> direct,
+  Work(const asvo::Tree& tree, const TreeFaces& faces, std::span<const std::uint32_t> direct,
        std::span<const std::uint32_t> indirect, double wattsPerCount, std::span<asvo::uvec4> light)
       : tree_(tree),
+        faces_(faces),
         tracer_(tree),
         direct_(direct),
         indirect_(indirect),
@@ -116,46 +158,24 @@ struct LightResolver::Work {
     for (int side = 0; side < 2; ++side) {
       s.total[side] = flux(direct_, leaf, side) + flux(indirect_, leaf, side);
     }
-    const float area = tree_.leafArea(node), back = area * backShare(node);
+    const auto [area, back] = faces_.leaves[leaf];
     s.faces[0] = s.all = area;
     (back > 0.0f ? s.faces[1] : s.sheets[1]) = back > 0.0f ? back : area;
     s.behind[1] = back <= 0.0f && s.total[1] != vec3(0.0f);
     return s;
   }
 
-  /// Area of the faces against a leaf's normal over that of those along it, by their coverages: 0
-  /// for a few.
-  float backShare(std::uint32_t node) const {
-    const vec3 n = tracer_.asvoNormal(node);
-    float along = 0.0f, against = 0.0f;
-    for (int axis = 0; axis < 3; ++axis) {
-      const auto facing = static_cast<std::uint32_t>(2 * axis) + (n[axis] < 0.0f ? 1u : 0u);
-      const float part = std::abs(n[axis]);
-      along += part * static_cast<float>(tracer_.asvoCoverage(tree_.voxels[node], facing));
-      against += part * static_cast<float>(tracer_.asvoCoverage(tree_.voxels[node], facing ^ 1u));
-    }
-    const float share = along > 0.0f ? std::min(against / along, 1.0f) : 1.0f;
-    return share < kFewFaces ? 0.0f : share;
-  }
-
-  template <typename Function>
-  void forChildren(std::uint32_t node, const Function& function) const {
-    const asvo::uvec2 links = tree_.nodes[node];
-    const auto count = static_cast<std::uint32_t>(std::popcount(links.y & 255u));
-    for (std::uint32_t i = 0; i < count; ++i) function(links.x + i);
-  }
-
   void sumChildren(std::uint32_t node) {
     Sums s;
-    forChildren(node,
-                [&](std::uint32_t child) { s.add(sums(child), tracer_.asvoFlips(child, node)); });
+    forChildren(tree_, node,
+                [&](std::uint32_t child) { s.add(sums(child), faces_.flips[child] != 0); });
     inner_[node] = s;
   }
 
   void lightChildren(std::uint32_t node) {
     const asvo::uvec4 own = light_[node];
-    forChildren(node, [&](std::uint32_t child) {
-      const bool flips = tracer_.asvoFlips(child, node);
+    forChildren(tree_, node, [&](std::uint32_t child) {
+      const bool flips = faces_.flips[child] != 0;
       const asvo::uvec4 coarser = flips ? asvo::uvec4(own.y, own.x, own.w, own.z) : own;
       light_[child] = pack(irradiance(sums(child), coarser));
     });
@@ -186,6 +206,7 @@ struct LightResolver::Work {
   }
 
   const asvo::Tree& tree_;
+  const TreeFaces& faces_;
   const asvo::Tracer tracer_;
   std::span<const std::uint32_t> direct_, indirect_;
   double wattsPerCount_;
@@ -196,12 +217,13 @@ struct LightResolver::Work {
   std::uint32_t next_ = 0;  ///< of the level under way
 };
 
-LightResolver::LightResolver(const asvo::Tree& tree, std::span<const std::uint32_t> direct,
+LightResolver::LightResolver(const asvo::Tree& tree, const TreeFaces& faces,
+                             std::span<const std::uint32_t> direct,
                              std::span<const std::uint32_t> indirect, double wattsPerCount,
                              std::span<asvo::uvec4> light) {
   assert(direct.size() >= tree.info.leafCount * kWordsPerLeaf && light.size() == tree.nodes.size());
   assert(indirect.size() == direct.size());
-  work_ = std::make_unique<Work>(tree, direct, indirect, wattsPerCount, light);
+  work_ = std::make_unique<Work>(tree, faces, direct, indirect, wattsPerCount, light);
 }
 
 LightResolver::~LightResolver() = default;
@@ -216,8 +238,9 @@ bool LightBuffers::resolve(const asvo::Tree& tree, std::span<const std::uint32_t
   if (photons != photons_) restart();
   photons_ = photons;
   if (!resolver_) {
-    resolver_ =
-        std::make_unique<LightResolver>(tree, direct, indirect, wattsPerCount, std::span(back_));
+    prepare(tree);
+    resolver_ = std::make_unique<LightResolver>(tree, *faces_, direct, indirect, wattsPerCount,
+                                                std::span(back_));
   }
   if (!resolver_->advance(keepGoing)) return false;
   resolver_.reset();

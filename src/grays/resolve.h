@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -14,6 +15,18 @@ namespace trex {
 
 /// 32-bit words of one array of sums: leaf x side x rgb x (low, high).
 inline constexpr std::uint64_t kWordsPerLeaf = 12;
+
+/// What of a tree's voxels decides where flux goes, and stays when their values are edited.
+struct TreeFaces {
+  struct Leaf {
+    float area, back;  ///< m^2, of all faces, and of those against the voxel's normal
+  };
+  std::vector<Leaf> leaves;
+  std::vector<std::uint8_t> flips;  ///< by node: its front is part of its parent's back
+
+  /// By all threads.
+  explicit TreeFaces(const asvo::Tree& tree);
+};
 
 /// Fills light[] (a node each, asvo_layout.h) from sums of counts of direct and indirect flux, one
 /// count being `wattsPerCount`. Sums of flux over sums of area go up the tree, sides exchanged
@@ -26,9 +39,9 @@ inline constexpr std::uint64_t kWordsPerLeaf = 12;
 class LightResolver {
  public:
   /// The spans must stay as they are until advance() is done.
-  LightResolver(const asvo::Tree& tree, std::span<const std::uint32_t> direct,
-                std::span<const std::uint32_t> indirect, double wattsPerCount,
-                std::span<asvo::uvec4> light);
+  LightResolver(const asvo::Tree& tree, const TreeFaces& faces,
+                std::span<const std::uint32_t> direct, std::span<const std::uint32_t> indirect,
+                double wattsPerCount, std::span<asvo::uvec4> light);
   ~LightResolver();
   /// Goes on until it is done or `keepGoing` says no, asked between pieces of about a millisecond.
   /// True once done.
@@ -47,6 +60,10 @@ class LightBuffers {
   /// `light`, `before`: a node each, the result at first and that before it.
   LightBuffers(std::vector<asvo::uvec4> light, std::vector<asvo::uvec4> before)
       : front_(std::move(light)), back_(std::move(before)) {}
+  /// Before the first resolve(), which else does it.
+  void prepare(const asvo::Tree& tree) {
+    if (!faces_) faces_.emplace(tree);
+  }
   const std::vector<asvo::uvec4>& front() const { return front_; }
   /// The result before, until the next resolve() is called.
   const std::vector<asvo::uvec4>& before() const { return back_; }
@@ -63,6 +80,7 @@ class LightBuffers {
 
  private:
   std::vector<asvo::uvec4> front_, back_;
+  std::optional<TreeFaces> faces_;
   std::unique_ptr<LightResolver> resolver_;
   std::uint64_t photons_ = 0;
 };

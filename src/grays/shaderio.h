@@ -26,6 +26,8 @@ SHADERIO_CONST uint kNoSlot = 0xffffffffu;
 SHADERIO_CONST uint kPhotonNumbers = 0x40000000u;
 SHADERIO_CONST uint kLaterLanding = 0x40000000u;
 SHADERIO_CONST uint kLastLanding = 0x80000000u;
+/// Ends of rays of a photon, at most.
+SHADERIO_CONST uint kMostPhotonBounces = 256u;
 
 /// Bits of GatherQuery::flags.
 SHADERIO_CONST uint kQueryShadow = 1u;  // transmittance alone; radiance is 0

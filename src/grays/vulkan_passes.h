@@ -96,6 +96,8 @@ class PhotonPass {
              std::span<const shaderio::PhotonMaterial> materials);
 
   void reset();
+  /// Makes the kernel: drivers compile it when it first runs.
+  void prepare();
   /// As many as before.
   void setMaterials(std::span<const shaderio::PhotonMaterial> materials);
   Counts trace(std::span<const shaderio::PhotonRecord> records, float countsPerWatt);
@@ -109,6 +111,7 @@ class PhotonPass {
   void makeKernel();
   void traceSlice(std::span<const shaderio::PhotonRecord> records, float countsPerWatt,
                   Counts& counts);
+  void dispatch(std::uint32_t count, std::uint32_t groups, float countsPerWatt);
   std::span<const std::uint32_t> words(const vulkan::Buffer& buffer,
                                        std::vector<std::uint32_t>& copy) const;
 

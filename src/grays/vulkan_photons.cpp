@@ -52,6 +52,12 @@ void PhotonPass::reset() {
   indirect_.clear();
 }
 
+void PhotonPass::prepare() {
+  if (kernel_) return;
+  makeKernel();
+  dispatch(0, 1, 1.0f);
+}
+
 void PhotonPass::setMaterials(std::span<const shaderio::PhotonMaterial> materials) {
   if (!materials.empty()) materials_.upload(std::as_bytes(materials));
 }
@@ -95,15 +101,20 @@ void PhotonPass::traceSlice(std::span<const shaderio::PhotonRecord> records, flo
       std::min(count, std::max(kLeastInvocations, count / kPhotonsPerInvocation));
   const std::uint32_t groups =
       std::min((wanted + size - 1) / size, device_.info().maxWorkgroupCount);
-  const PhotonPush push{tree_.info, tree_.gridLevel, tree_.firstBrick, 0,
-                        count,      groups * size,   materialCount_,   countsPerWatt};
-  batch_.dispatch(*kernel_, *bindings_, std::as_bytes(std::span(&push, 1)), groups);
-  batch_.submit();
-  batch_.wait();
+  dispatch(count, groups, countsPerWatt);
   std::array<std::uint32_t, 2> words;
   std::memcpy(words.data(), counters_.mapped(), sizeof(words));
   counts.deposits += words[0];
   counts.lost += words[1];
+}
+
+void PhotonPass::dispatch(std::uint32_t count, std::uint32_t groups, float countsPerWatt) {
+  const std::uint32_t stride = groups * workgroupSize(device_);
+  const PhotonPush push{tree_.info, tree_.gridLevel, tree_.firstBrick, 0,
+                        count,      stride,          materialCount_,   countsPerWatt};
+  batch_.dispatch(*kernel_, *bindings_, std::as_bytes(std::span(&push, 1)), groups);
+  batch_.submit();
+  batch_.wait();
 }
 
 std::span<const std::uint32_t> PhotonPass::words(const vulkan::Buffer& buffer,

@@ -71,6 +71,12 @@ class VulkanTracer final : public GRayTracer {
     return results;
   }
 
+  void prepare() override {
+    if (!buffers_) return;
+    light_.prepare(tree_);
+    if (!photons_) photons_.emplace(device_, *buffers_, materials_);
+    photons_->prepare();
+  }
   void resetFlux() override {
     light_.restart();
     if (photons_) photons_->reset();

@@ -105,6 +105,7 @@ void Leader::drop(std::uint32_t machine, const std::string& why) {
 void Leader::lose(std::uint32_t machine) {
   ledger_.lose(machine);
   photonJobs_.lose(machine);
+  tellHomes();
   if (listener_ != nullptr) listener_->lost(machine);
 }
 
@@ -380,9 +381,12 @@ void Leader::finish(int code, const std::string& error) {
     for (std::uint32_t i = 1; i < machines_.size(); ++i) {
       if (machines_[i].state == State::kGone) continue;
       allGone = false;
-      logWarning("{}: does not answer; it is ended", nameOf(i));
+      logWarning("{}: {}; it is ended", nameOf(i),
+                 machines_[i].state == State::kReady && !broken_ ? "has not said goodbye"
+                                                                 : "does not answer");
     }
   }
+  for (std::uint32_t i = 1; i < link_.size(); ++i) link_.send(i, End{});
   if (allGone) {
     link_.finish();
     return;

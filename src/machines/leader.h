@@ -133,6 +133,7 @@ class Leader : public SampleSharer {
     MachineRow row;
     State state = State::kExpected;
     bool ready = false;  ///< its model is open and as expected
+    bool passesOn = false;
     std::optional<std::uint64_t> digest;
     double heard = 0.0;
     std::uint32_t view = ~0u;       ///< that it has set up
@@ -193,6 +194,7 @@ class Leader : public SampleSharer {
   void askProbe();
   void dropProbeOf(std::uint32_t machine);
   void hearProbed(std::uint32_t from, const Probed& answer);
+  void tellHomes(std::optional<std::uint32_t> newcomer = {});
 
   Hello self_;
   mutable std::mutex mutex_;
@@ -217,6 +219,7 @@ class Leader : public SampleSharer {
   std::deque<std::pair<std::uint32_t, LinkProbe>> probes_;  ///< machines to be measured, in turn
   std::uint32_t probed_ = 0;                                ///< questions
   double pinged_ = 0.0;
+  std::vector<PageHome> homes_;  ///< that were told last
   std::atomic<bool> stopped_ = false;
   bool finished_ = false, broken_ = false;
   RemoteFiles remote_;

@@ -25,10 +25,13 @@ void Leader::hear(std::uint32_t from, Kind kind, ByteView body) {
     case Kind::kHello:
       greet(from, decode<Hello>(body));
       break;
-    case Kind::kReady:
-      m.digest = decode<Ready>(body).digest;
+    case Kind::kReady: {
+      const auto ready = decode<Ready>(body);
+      m.digest = ready.digest;
+      m.passesOn = ready.passesOn != 0;
       checkReady(from);
       break;
+    }
     case Kind::kSet: {
       const auto set = decode<ViewSet>(body);
       m.row.device = set.device;
@@ -133,6 +136,7 @@ void Leader::checkReady(std::uint32_t from) {
 
 /// Tells a machine what is under way.
 void Leader::bringIn(std::uint32_t machine) {
+  tellHomes(machine);
   if (listener_ != nullptr) return listener_->ready(machine);
   if (!view_) return;
   if (machines_[machine].view != *view_) tell(machine, SetView{*view_});
@@ -147,6 +151,7 @@ void Leader::bringIn(std::uint32_t machine) {
 void Leader::takeResult(std::uint32_t from, Result result) {
   machines_[from].row.peakBytes = result.peakBytes;
   machines_[from].row.times = result.times;
+  if (welcome_ && welcome_->local) machines_[from].row.times.plannedBytes = 0;  // from its own disk
   machines_[from].row.device = result.device;
   if (listener_ != nullptr) return listener_->result(from, std::move(result));
   if (!pass_ || result.pass != pass_->number) return;

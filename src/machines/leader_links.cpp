@@ -1,4 +1,5 @@
-// Links are measured one after the other, since all begin at machine 0. Nobody waits for it.
+// Links are measured one after the other, since all begin at machine 0; nobody waits for it. They
+// say who passes pages on.
 #include "src/core/clock.h"
 #include "src/core/log.h"
 #include "src/machines/leader.h"
@@ -27,6 +28,23 @@ void Leader::askProbe() {
       tell(machine, LinkFound{probe.speed().roundTrip, probe.speed().bandwidth});
     }
     probes_.pop_front();
+  }
+}
+
+/// Who passes pages on, if that has changed; to who has come in any case. The lock is held.
+void Leader::tellHomes(std::optional<std::uint32_t> newcomer) {
+  std::vector<HomeCandidate> candidates;
+  for (std::uint32_t i = 1; i < machines_.size(); ++i) {
+    const Machine& m = machines_[i];
+    if (m.state == State::kReady && m.ready && m.passesOn) candidates.push_back({i, m.row.link});
+  }
+  std::vector<PageHome> homes = chooseHomes(candidates);
+  const bool same = homes == homes_;
+  homes_ = std::move(homes);
+  for (std::uint32_t i = 1; i < machines_.size(); ++i) {
+    if (machines_[i].state != State::kReady || (same && newcomer != i)) continue;
+    if (same && homes_.empty()) continue;
+    tell(i, Homes{homes_});
   }
 }
 

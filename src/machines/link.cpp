@@ -49,6 +49,14 @@ void Link::send(std::uint32_t to, Bytes message) {
   wake_.notify_one();
 }
 
+void Link::sendLast(std::uint32_t to, Bytes message) {
+  {
+    const std::lock_guard lock(mutex_);
+    last_.emplace(to, std::move(message));
+  }
+  wake_.notify_one();
+}
+
 void Link::finish() {
   {
     const std::lock_guard lock(mutex_);
@@ -81,6 +89,17 @@ bool Link::sendAll(Wire& wire) {
   }
   for (auto& [to, message] : out) wire.send(to, std::move(message));
   return !out.empty();
+}
+
+void Link::sendTheLast(Wire& wire) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!last_ || !outgoing_.empty()) return;
+  }
+  if (wire.unsent() > 0) return;
+  const std::lock_guard lock(mutex_);
+  outgoing_.push_back(std::move(*last_));
+  last_.reset();
 }
 
 /// Hears what is there. Whether there was anything.
@@ -151,12 +170,17 @@ void Link::tellBroken(const Error& error) {
 void Link::end(Wire& wire) {
   if (aborts_) wire.abort(*aborts_);
   if (abandons_) return;
-  sendAll(wire);
   // Whoever waits for us to take something is on its way to the end, too.
-  while (wire.unsent() > 0) {
-    wire.receive();
-    std::this_thread::sleep_for(std::chrono::microseconds(100));
-  }
+  const auto drain = [&] {
+    sendAll(wire);
+    while (wire.unsent() > 0) {
+      wire.receive();
+      std::this_thread::sleep_for(std::chrono::microseconds(100));
+    }
+  };
+  drain();
+  sendTheLast(wire);
+  drain();
   wire.finish();
 }
 
@@ -183,6 +207,7 @@ void Link::work(const MakeWire& make) {
     try {
       const bool sent = sendAll(*wire), heard = hearAll(*wire);
       hearOfLost(*wire);
+      sendTheLast(*wire);
       const double most = wire->unsent() > 0 ? kShortestPause : kLongestPause;
       wait = sent || heard ? kShortestPause : std::min(2.0 * wait, most);
       if (secondsNow() - ticked > kTickSeconds) {

@@ -52,6 +52,8 @@ class Link {
   void send(std::uint32_t to, const M& message) {
     send(to, encode(message));
   }
+  /// Sends a message once all others that were given to send() have gone. Once; any thread.
+  void sendLast(std::uint32_t to, Bytes message);
   /// Sends what is left, waits for all other machines' finish(), and ends the thread.
   void finish();
   /// Ends all machines at once: Wire::abort().
@@ -64,6 +66,7 @@ class Link {
   void tellBroken(const Error& error);
   void end(Wire& wire);
   bool sendAll(Wire& wire);
+  void sendTheLast(Wire& wire);
   bool hearAll(Wire& wire);
   void hearOfLost(Wire& wire);
   bool pause(double seconds);
@@ -72,6 +75,7 @@ class Link {
   mutable std::mutex mutex_;
   std::condition_variable wake_, made_;
   std::deque<std::pair<std::uint32_t, Bytes>> outgoing_;
+  std::optional<std::pair<std::uint32_t, Bytes>> last_;  ///< of sendLast()
   std::shared_ptr<const Hears> hears_;
   std::exception_ptr problem_;
   bool isMade_ = false, ends_ = false, abandons_ = false, broken_ = false;

@@ -47,10 +47,11 @@ class LinkProbe {
     travels_[large_++] = std::max(seconds - speed_.roundTrip, 1e-6);
     if (isShort(travels_[large_ - 1]) && large_ == 1) return tryMore();
     if (large_ < kLarge) return;
+    // Machines that are busy make it longer than the link does; the fastest may have met an empty
+    // buffer on its way.
     std::sort(travels_.begin(), travels_.end());
-    const double half = travels_[kLarge / 2];  // of them take longer
-    if (isShort(2.0 * half)) return tryMore();
-    speed_.bandwidth = bytes_ / half;
+    if (isShort(2.0 * travels_[1])) return tryMore();
+    speed_.bandwidth = bytes_ / travels_[1];
     done_ = true;
   }
   const LinkSpeed& speed() const { return speed_; }

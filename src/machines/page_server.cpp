@@ -10,6 +10,12 @@ constexpr std::uint64_t kMostBytesAsked = std::uint64_t{16} << 20;  // of a ques
 
 }  // namespace
 
+Error errorOf(std::uint32_t machine, const NoPart& why) {
+  const bool known = why.code >= 1 && why.code <= static_cast<int>(ExitCode::kDiffer);
+  return Error(known ? static_cast<ExitCode>(why.code) : ExitCode::kFailed,
+               fmt::format("machine {}: {}", machine, why.text));
+}
+
 PageServer::PageServer(std::function<void(std::uint32_t, Bytes)> send,
                        std::function<void(const Error&)> failed)
     : send_(std::move(send)), failed_(std::move(failed)) {}
@@ -55,10 +61,16 @@ Bytes PageServer::answerTo(const Question& question) {
   for (const FileRange& r : question.fetch.ranges) bytes += r.bytes;
   Part part{question.fetch.number, Bytes(bytes)};
   std::span<std::byte> left(part.bytes);
+  std::vector<hccm::FilePart> parts;
   for (std::size_t i = 0; i < question.files.size(); ++i) {
     const FileRange& r = question.fetch.ranges[i];
-    if (r.bytes > 0) question.files[i]->read(r.offset, left.first(r.bytes));
+    if (r.bytes > 0) parts.push_back({r.offset, left.first(r.bytes)});
     left = left.subspan(r.bytes);
+    const bool sameNext =
+        i + 1 < question.files.size() && question.files[i + 1] == question.files[i];
+    if (sameNext || parts.empty()) continue;
+    question.files[i]->readAll(parts);
+    parts.clear();
   }
   return encode(part);
 }

@@ -1,5 +1,5 @@
-// Threads of a machine that read parts of its files for the others, several questions at once, so
-// that who deals jobs waits for no disk.
+// Threads of a machine that read parts of files for the others, several questions at once, so that
+// its link, and at machine 0 who deals jobs, wait for no disk.
 #pragma once
 
 #include <condition_variable>
@@ -22,6 +22,9 @@ struct ServedFile {
   std::shared_ptr<const hccm::PageFile> bytes;
   std::uint64_t size = 0;
 };
+
+/// What a machine says it can't read.
+Error errorOf(std::uint32_t machine, const NoPart& why);
 
 /// Thread safe.
 class PageServer {

@@ -6,8 +6,8 @@
 namespace trex::machines {
 namespace {
 
-constexpr std::uint64_t kMostPhotonUnits = 64;    // of a job
-constexpr std::uint64_t kLargePhotonUnits = 256;  // where photons wait for pages
+constexpr std::uint64_t kMostPhotonUnits = 64;   // of a job
+constexpr std::uint64_t kLargePhotonUnits = 64;  // where photons wait for pages
 
 bool finite(const vec3& v) {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
@@ -44,6 +44,9 @@ void checkPhotons(const ShotPhotons& photons, std::uint64_t first, std::uint64_t
     }
     last = number;
   }
+  if (!photons.turns.empty() && photons.turns.size() != photons.records.size()) {
+    throw MessageError("turns are not those of the photons");
+  }
   if (!std::all_of(photons.lessons.begin(), photons.lessons.end(), isLesson)) {
     throw MessageError("photons teach what can't be");
   }
@@ -55,7 +58,7 @@ bool PhotonParts::add(std::uint64_t first, std::uint64_t end, ShotPhotons photon
   if (next != parts_.end() && next->first < end) return false;
   if (next != parts_.begin() && std::prev(next)->second.end > first) return false;
   photons_ += end - first;
-  bytes_ += photons.records.size() * sizeof(shaderio::PhotonRecord) +
+  bytes_ += photons.records.size() * sizeof(shaderio::PhotonRecord) + photons.turns.size() +
             photons.lessons.size() * sizeof(PhotonLesson);
   parts_[first] = {end, std::move(photons)};
   return true;
@@ -65,6 +68,7 @@ ShotPhotons PhotonParts::joined() const {
   ShotPhotons all;
   for (const auto& [first, part] : parts_) {
     all.records.insert(all.records.end(), part.photons.records.begin(), part.photons.records.end());
+    all.turns.insert(all.turns.end(), part.photons.turns.begin(), part.photons.turns.end());
     all.lessons.insert(all.lessons.end(), part.photons.lessons.begin(), part.photons.lessons.end());
   }
   return all;

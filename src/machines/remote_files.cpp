@@ -64,13 +64,13 @@ std::unique_ptr<hccm::PageFile> RemoteFiles::file(std::uint32_t machine, std::ui
   return std::make_unique<RemoteFile>(*this, machine, number, name);
 }
 
-/// One that this machine was asked and has not answered. The lock is held, as below.
-RemoteFiles::Question& RemoteFiles::questionOf(std::uint32_t from, std::uint64_t number) {
+/// One that this machine was asked; null if it has answered before. The lock is held, as below.
+RemoteFiles::Question* RemoteFiles::questionOf(std::uint32_t from, std::uint64_t number) {
+  if (number == 0 || number > asked_) throw MessageError("nobody asked for this part");
   const auto at = questions_.find(number);
-  if (at == questions_.end() || at->second.machine != from || at->second.answered()) {
-    throw MessageError("nobody asked for this part");
-  }
-  return at->second;
+  if (at == questions_.end() || at->second.answered()) return nullptr;
+  if (at->second.machine != from) throw MessageError("another was asked for this part");
+  return &at->second;
 }
 
 /// A question has its answer, which is dropped if nobody waits for it.
@@ -82,16 +82,17 @@ void RemoteFiles::settle(std::uint64_t number) {
 void RemoteFiles::hear(std::uint32_t from, Part part) {
   const std::lock_guard lock(mutex_);
   if (part.bytes.empty()) throw MessageError("a part of a file is empty");
-  questionOf(from, part.number).answer = std::move(part.bytes);
+  Question* question = questionOf(from, part.number);
+  if (question == nullptr) return;
+  question->answer = std::move(part.bytes);
   settle(part.number);
 }
 
 void RemoteFiles::hear(std::uint32_t from, const NoPart& why) {
   const std::lock_guard lock(mutex_);
-  const bool known = why.code >= 1 && why.code <= static_cast<int>(ExitCode::kDiffer);
-  questionOf(from, why.number)
-      .problem.emplace(known ? static_cast<ExitCode>(why.code) : ExitCode::kFailed,
-                       fmt::format("machine {}: {}", from, why.text));
+  Question* question = questionOf(from, why.number);
+  if (question == nullptr) return;
+  question->problem = errorOf(from, why);
   settle(why.number);
 }
 

@@ -53,7 +53,7 @@ class RemoteFiles {
     bool answered() const { return problem || !answer.empty(); }
   };
 
-  Question& questionOf(std::uint32_t from, std::uint64_t number);
+  Question* questionOf(std::uint32_t from, std::uint64_t number);
   void settle(std::uint64_t number);
   void read(std::uint32_t machine, std::uint32_t file, std::span<const hccm::FilePart> parts);
 

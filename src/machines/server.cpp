@@ -63,7 +63,7 @@ void Server::run(std::shared_ptr<Model> model, std::shared_ptr<asvo::Tree> voxel
     window.session->setVoxels(
         voxels, makeLightDevice(model->scene.materials, model->scene.images, *voxels, settings));
   }
-  tell(Ready{digest});
+  sayReady(digest);
   try {
     while (const auto heard = next()) {
       const ByteView body(heard->body);

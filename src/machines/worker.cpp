@@ -34,69 +34,75 @@ struct Worker::Work {
 };
 
 Worker::Worker(const Link::MakeWire& make, const Hello& self, std::vector<ServedFile> files)
-    : remote_([this](std::uint32_t to, Bytes question) { link_.send(to, std::move(question)); },
-              [this](std::uint32_t) { return linkSpeed(); }),
-      server_([this](std::uint32_t to, Bytes answer) { link_.send(to, std::move(answer)); }),
+    : serves_(!files.empty()),
+      pages_([this](std::uint32_t to, Bytes message) { link_.send(to, std::move(message)); },
+             [this](const Error& e) { broken(e); }),
+      remote_([this](std::uint32_t to, Bytes question) { link_.send(to, std::move(question)); },
+              [this](std::uint32_t) { return pages_.link(); }),
+      server_([this](std::uint32_t to, Bytes message) { answer(to, std::move(message)); }),
       link_(make) {
+  pages_.setPlace(link_.rank(), link_.size());
   server_.setFiles(std::move(files));
-  link_.listen({.message =
-                    [this](std::uint32_t from, Kind kind, ByteView body) {
-                      if (hearOfFiles(from, kind, body) || from != 0) return;
-                      hear(kind, body);
-                    },
-                .tick = {},
-                .lost = [this](std::uint32_t machine) { lose(machine); },
-                .broken = [this](const Error& e) { broken(e); }});
+  link_.listen(
+      {.message = [this](std::uint32_t from, Kind kind, ByteView body) { hear(from, kind, body); },
+       .tick = {},
+       .lost = [this](std::uint32_t machine) { lose(machine); },
+       .broken = [this](const Error& e) { broken(e); }});
   link_.send(0, self);
 }
 
-Worker::~Worker() { server_.stop(); }
+Worker::~Worker() {  // threads of these send by the link, which goes first
+  pages_.stop();
+  server_.stop();
+}
+
+/// A machine has died. The others are machine 0's to miss, but for their files.
+void Worker::lose(std::uint32_t machine) {
+  if (machine == 0) return broken(Error(ExitCode::kFailed, "machine 0 has ended"));
+  pages_.lost(machine);
+  remote_.lose(machine, Error(ExitCode::kFailed, fmt::format("machine {} has ended", machine)));
+}
+
+/// Of our own files. After the goodbye nobody takes it.
+void Worker::answer(std::uint32_t to, Bytes message) {
+  const std::lock_guard lock(mutex_);
+  if (!stopped_) link_.send(to, std::move(message));
+}
 
 void Worker::broken(const Error& error) {
+  pages_.broken(error);
   remote_.broken(error);
   const std::lock_guard lock(mutex_);
   if (!problem_) problem_ = error;
   changed_.notify_all();
 }
 
-/// A machine has died. The others are machine 0's to miss.
-void Worker::lose(std::uint32_t machine) {
-  if (machine == 0) return broken(Error(ExitCode::kFailed, "machine 0 has ended"));
-  remote_.lose(machine, Error(ExitCode::kFailed, fmt::format("machine {} has ended", machine)));
-  sayGoodbye();
-}
-
-/// What machines ask each other for, whoever they are, by the link's thread. False if it is nothing
-/// of that.
-bool Worker::hearOfFiles(std::uint32_t from, Kind kind, ByteView body) {
+/// By the link's thread.
+void Worker::hear(std::uint32_t from, Kind kind, ByteView body) {
   switch (kind) {
     case Kind::kFetch:
-      server_.ask(from, decode<Fetch>(body));
-      return true;
+      return hearFetch(from, decode<Fetch>(body));
     case Kind::kPart:
-      remote_.hear(from, decode<Part>(body));
-      break;
+      if (from == holder_) return remote_.hear(from, decode<Part>(body));
+      return pages_.hearPart(from, decode<Part>(body));
     case Kind::kNoPart:
-      remote_.hear(from, decode<NoPart>(body));
-      break;
+      if (from == holder_) return remote_.hear(from, decode<NoPart>(body));
+      return pages_.hearNoPart(from, decode<NoPart>(body));
     default:
-      return false;
+      if (from != 0) throw MessageError("machine 0 alone should have sent it");
+      hearLeader(kind, body);
   }
-  sayGoodbye();
-  return true;
 }
 
-/// Once machine 0 has said stop, and nothing is on its way here: who goes earlier would leave the
-/// sender of something large waiting.
-void Worker::sayGoodbye() {
-  const std::lock_guard lock(mutex_);
-  if (!stopped_ || saidGoodbye_ || remote_.outstanding() > 0) return;
-  saidGoodbye_ = true;
-  link_.send(0, Bye{});
+void Worker::hearFetch(std::uint32_t from, Fetch fetch) {
+  if (serves_) {
+    server_.ask(from, std::move(fetch));
+  } else {
+    pages_.hearFetch(from, std::move(fetch));
+  }
 }
 
-/// By the link's thread.
-void Worker::hear(Kind kind, ByteView body) {
+void Worker::hearLeader(Kind kind, ByteView body) {
   switch (kind) {
     case Kind::kPing:
       link_.send(0, Pong{});
@@ -104,12 +110,14 @@ void Worker::hear(Kind kind, ByteView body) {
     case Kind::kProbe:
       link_.send(0, Probed{decode<Probe>(body).number});
       return;
-    case Kind::kLink: {
-      const auto found = decode<LinkFound>(body);
-      const LinkSpeed speed{found.roundTrip, found.bandwidth};
-      if (!isPossible(speed)) throw MessageError("no link is so fast");
+    case Kind::kLink:
+      return pages_.hearLink(decode<LinkFound>(body));
+    case Kind::kHomes:
+      return pages_.hearHomes(decode<Homes>(body));
+    case Kind::kEnd: {
       const std::lock_guard lock(mutex_);
-      speed_ = speed;
+      ended_ = true;
+      changed_.notify_all();
       return;
     }
     case Kind::kShoot:
@@ -136,16 +144,18 @@ void Worker::hear(Kind kind, ByteView body) {
     default:
       throw MessageError("machine 0 should not have sent it");
   }
-  {
-    const std::lock_guard lock(mutex_);
-    stopped_ |= kind == Kind::kStop;
-    heard_.push_back({kind, views_, passes_, {body.begin(), body.end()}});
-    changed_.notify_all();
+  if (kind == Kind::kStop) {
+    pages_.stop();
+    remote_.stop();
   }
-  if (kind != Kind::kStop) return;
-  remote_.stop();
-  remote_.lose(0, Error(ExitCode::kInterrupted, "machine 0 has ended the work"));
-  sayGoodbye();
+  const std::lock_guard lock(mutex_);
+  if (kind == Kind::kStop) {
+    stopped_ = true;
+    // What others have asked for is to be there before: they take nothing after the end.
+    link_.sendLast(0, encode(Bye{}));
+  }
+  heard_.push_back({kind, views_, passes_, {body.begin(), body.end()}});
+  changed_.notify_all();
 }
 
 std::optional<Worker::Heard> Worker::next() {
@@ -169,20 +179,6 @@ std::optional<Welcome> Worker::awaitWelcome() {
   } catch (const MessageError& e) {
     fail(ExitCode::kFailed, "machine 0: a message can't be read: {}", e.what());
   }
-}
-
-LinkSpeed Worker::linkSpeed() {
-  const std::lock_guard lock(mutex_);
-  return speed_;
-}
-
-std::unique_ptr<hccm::PageFile> Worker::file(std::uint32_t number, const std::string& name) {
-  return file(0, number, name);
-}
-
-std::unique_ptr<hccm::PageFile> Worker::file(std::uint32_t machine, std::uint32_t number,
-                                             const std::string& name) {
-  return remote_.file(machine, number, name);
 }
 
 void Worker::setView(Work& work, const SetView& message, std::uint32_t begun) {
@@ -247,7 +243,8 @@ void Worker::sendResult(Result result, const RayCounts& rays, const Session& ses
   result.device = done.device;
   result.times = {processorSeconds(),     done.photonSeconds,   done.traffic.waiting,
                   done.traffic.unpacking, done.traffic.reading, done.pages.loads,
-                  done.pages.restored};
+                  done.pages.restored,    done.traffic.planned, pages_.bytes().received,
+                  pages_.bytes().passed};
   result.cRays = rays.cRays;
   result.shadowRays = rays.shadowRays;
   result.cones = rays.cones;
@@ -257,10 +254,15 @@ void Worker::sendResult(Result result, const RayCounts& rays, const Session& ses
   tell(result);
 }
 
+void Worker::sayReady(std::uint64_t digest) {
+  pages_.opened();
+  tell(Ready{digest, pages_.passesOn()});
+}
+
 void Worker::run(std::shared_ptr<const Model> model, const std::vector<Camera>& views,
                  const RenderSettings& settings, std::uint64_t digest) {
   Work work{std::move(model), views, withoutPicture(settings), nullptr, ~0u, 0, {}};
-  link_.send(0, Ready{digest});
+  sayReady(digest);
   try {
     while (const auto heard = next()) {
       const ByteView body(heard->body);
@@ -305,6 +307,10 @@ void Worker::failed(const Error& error) {
 
 void Worker::finish() {
   server_.stop();
+  {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return ended_ || problem_; });
+  }
   link_.finish();
 }
 

@@ -11,10 +11,10 @@
 
 #include "hccmesh/pages.h"
 #include "src/machines/link.h"
-#include "src/machines/link_probe.h"
 #include "src/machines/page_server.h"
 #include "src/machines/photon_parts.h"
 #include "src/machines/remote_files.h"
+#include "src/machines/remote_pages.h"
 #include "src/scene/scene.h"
 #include "src/session/model.h"
 #include "src/session/session.h"
@@ -34,10 +34,21 @@ class Worker : public PhotonSharer {
   std::optional<Welcome> awaitWelcome();
   /// A file of machine 0, which Welcome counts. Reading throws Error, for one thing once machine 0
   /// said stop. Used while this is there; thread safe. `name`: for messages.
-  std::unique_ptr<hccm::PageFile> file(std::uint32_t number, const std::string& name);
-  /// The same of another machine.
+  std::unique_ptr<hccm::PageFile> file(std::uint32_t number, const std::string& name) {
+    return pages_.file(number, name);
+  }
+  /// The same of another machine, one for good, which passes no pages on.
   std::unique_ptr<hccm::PageFile> file(std::uint32_t machine, std::uint32_t number,
-                                       const std::string& name);
+                                       const std::string& name) {
+    if (machine == 0) return file(number, name);
+    holder_ = machine;
+    return remote_.file(machine, number, name);
+  }
+  /// Packed pages are kept here for other machines that ask. Before run().
+  void passOn(std::unique_ptr<PageShelf> shelf, const Welcome& welcome) {
+    pages_.passOn(std::move(shelf), welcome.fileBytes);
+  }
+  std::uint32_t machines() const { return link_.size(); }
   /// Takes samples of the views' pictures until machine 0 says stop. `digest`: of model, views and
   /// settings.
   void run(std::shared_ptr<const Model> model, const std::vector<Camera>& views,
@@ -47,7 +58,7 @@ class Worker : public PhotonSharer {
                                    const std::function<bool()>& keepGoing) override;
   /// Says that this machine can't go on, and waits until machine 0 has said stop.
   void failed(const Error& error);
-  /// Waits for the end of all.
+  /// Waits for the end of all: until nobody sends anything any more.
   void finish();
 
  protected:
@@ -60,6 +71,8 @@ class Worker : public PhotonSharer {
   /// The next message; nothing once machine 0 has said stop.
   std::optional<Heard> next();
   void sendResult(Result result, const RayCounts& rays, const Session& session);
+  /// The model is open.
+  void sayReady(std::uint64_t digest);
   /// But for the goodbye: after that machine 0 receives nothing, and what is large would wait for
   /// it.
   template <class M>
@@ -74,13 +87,13 @@ class Worker : public PhotonSharer {
  private:
   struct Work;
 
-  void hear(Kind kind, ByteView body);
-  bool hearOfFiles(std::uint32_t from, Kind kind, ByteView body);
-  void lose(std::uint32_t machine);
-  void sayGoodbye();
+  void hear(std::uint32_t from, Kind kind, ByteView body);
+  void hearFetch(std::uint32_t from, Fetch fetch);
+  void answer(std::uint32_t to, Bytes message);
+  void hearLeader(Kind kind, ByteView body);
   void hearOfPhotons(Kind kind, ByteView body);
+  void lose(std::uint32_t machine);
   void broken(const Error& error);
-  LinkSpeed linkSpeed();
   void setView(Work& work, const SetView& message, std::uint32_t begun);
   void startPass(Work& work, Pass pass);
   void takeJob(Work& work, const GiveJob& message, std::uint32_t begun);
@@ -89,15 +102,17 @@ class Worker : public PhotonSharer {
   std::condition_variable changed_;
   std::deque<Heard> heard_;
   std::optional<Error> problem_;
-  bool stopped_ = false, saidGoodbye_ = false;
-  LinkSpeed speed_;                      ///< of the link to machine 0
-  std::uint32_t view_ = ~0u;             ///< whose photons are shot
-  std::optional<PhotonParts> batch_;     ///< that it waits for
-  std::deque<ShootPhotons> photonJobs_;  ///< of it
-  bool alone_ = false;                   ///< nobody else shoots it
-  RemoteFiles remote_;
-  PageServer server_;
-  Link link_;  ///< the last: it calls the others
+  bool stopped_ = false, ended_ = false;
+  std::uint32_t view_ = ~0u;                 ///< whose photons are shot
+  std::optional<PhotonParts> batch_;         ///< that it waits for
+  std::deque<ShootPhotons> photonJobs_;      ///< of it
+  bool alone_ = false;                       ///< nobody else shoots it
+  const bool serves_;                        ///< files of its own
+  std::atomic<std::uint32_t> holder_ = ~0u;  ///< whose files it reads, beside machine 0
+  RemotePages pages_;                        ///< machine 0's files
+  RemoteFiles remote_;                       ///< the holder's
+  PageServer server_;                        ///< its own
+  Link link_;                                ///< the last: it calls the others
 };
 
 }  // namespace trex::machines

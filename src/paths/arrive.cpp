@@ -55,7 +55,22 @@ Fate PathTracer::arrivePlain(WavePath& path, const Wave& wave) const {
 
 /// Whether a surface hands its far field to cones. Cached light has been reflected once more.
 bool PathTracer::handsToCones(const WavePath& path, bool cacheable) const {
-  return path.coupled && !path.byRays && cacheable && scene_.maxBounces - path.turns >= 2;
+  return path.coupled && !path.byRays && cacheable && scene_.maxBounces - path.turns >= 2 &&
+         mayEndAfter(path.turns + 1u);
+}
+
+/// Whether cached light may end a path that has turned so often, fewer times than it may at most.
+/// Light of no or few turns more differs from place to place (TurnShares), and costs few rays.
+bool PathTracer::mayEndAfter(std::uint32_t turns) const {
+  constexpr std::uint32_t kFewTurns = 2;
+  return turns <= 1 || scene_.maxBounces - turns > kFewTurns;
+}
+
+/// Of light that is cached at a place, what a path that has turned so often may see: cached light
+/// has turned as often as one may see that has turned once.
+float PathTracer::cachedShare(const vec3& position, std::uint32_t turns) const {
+  if (turns <= 1) return 1.0f;
+  return guess_.cache->shareOfTurns(position, scene_.maxBounces - turns - 1u);
 }
 
 /// Goes on behind a transparent layer. False where there were too many.
@@ -114,7 +129,7 @@ void PathTracer::emit(WavePath& path) const {
 /// cached light serves. `albedo`: Bsdf::cachedAlbedo(), or null if the Bsdf is to tell. True if it
 /// did.
 bool PathTracer::endInCache(WavePath& path, const vec3& side, const vec3* albedo) const {
-  if (!(path.density() < kInfinity)) return false;
+  if (!(path.density() < kInfinity) || !mayEndAfter(path.turns)) return false;
   const float radius = (path.travelled + path.hit.t) * guess_.footprint.spread(path.roughness);
   if (radius < guess_.footprint.cacheVoxels * guess_.cache->detail()) return false;
   const vec2 jitter = path.sampler.next2D();
@@ -125,7 +140,8 @@ bool PathTracer::endInCache(WavePath& path, const vec3& side, const vec3* albedo
           ? guess_.cache->noisyIrradiance(position, side, radius, jitter, irradiance, noise)
           : guess_.cache->irradiance(position, side, radius, jitter, irradiance);
   if (!known) return false;
-  const vec3 sent = path.throughput * (albedo != nullptr ? *albedo : bsdfOf(path).cachedAlbedo());
+  const vec3 seen = path.throughput * cachedShare(position, path.turns);
+  const vec3 sent = seen * (albedo != nullptr ? *albedo : bsdfOf(path).cachedAlbedo());
   path.sample->guess += sent * irradiance * kInvPi;
   path.sample->photonNoise += sent * noise * kInvPi;
   ++path.counts->cacheReads;

@@ -232,7 +232,8 @@ struct CausticLights::Photons {
       const bool bent = photon.bent || !photon.clear.straight(photon.direction);
       if (counts && bent && isFinite(photon.power)) {
         land(CausticPhoton{vec3(surface.position), bsdf.geometricNormal(), -photon.direction,
-                           photon.power * photon.range.factor(), photon.blurred, photon.way});
+                           photon.power * photon.range.factor(), photon.blurred,
+                           static_cast<std::uint16_t>(photon.turns), photon.way});
       }
       if (!scatter(photon, sampler, surface, bsdf)) return false;
     }

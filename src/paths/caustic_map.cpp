@@ -342,12 +342,12 @@ std::uint32_t CausticMap::near(const vec3& position) const {
 
 template <typename Scattered>
 vec3 CausticMap::radianceOf(const vec3& at, std::uint32_t near, const vec3& normal,
-                            const Scattered& scattered) const {
+                            std::uint32_t turns, const Scattered& scattered) const {
   vec3 sum(0.0f);
   for (; near != 0; near &= near - 1) {
     const Grid& grid = grids_[static_cast<std::size_t>(std::countr_zero(near))];
     grid.forNear(at, [&](const CausticPhoton& p, float distance2) {
-      if (!sameSurface(p, at, normal, grid.radius)) return;
+      if (p.turns > turns || !sameSurface(p, at, normal, grid.radius)) return;
       // Flux is by the surface's own area.
       const float cosine = std::max(std::abs(glm::dot(p.towards, normal)), kGrazing);
       sum += scattered(p) * p.power * (kernel(distance2, grid.radius) / cosine);
@@ -356,16 +356,17 @@ vec3 CausticMap::radianceOf(const vec3& at, std::uint32_t near, const vec3& norm
   return sum;
 }
 
-vec3 CausticMap::radiance(const vec3& at, std::uint32_t near, const Bsdf& bsdf,
-                          bool sharpToo) const {
+vec3 CausticMap::radiance(const vec3& at, std::uint32_t near, const Bsdf& bsdf, bool sharpToo,
+                          std::uint32_t turns) const {
   if (!sharpToo && !bsdf.hasBroad()) return vec3(0.0f);
-  return radianceOf(at, near, bsdf.geometricNormal(), [&](const CausticPhoton& p) {
+  return radianceOf(at, near, bsdf.geometricNormal(), turns, [&](const CausticPhoton& p) {
     return bsdf.evaluate(p.towards, sharpToo && !p.blurred ? LobeKind::kAll : LobeKind::kBroad);
   });
 }
 
-vec3 CausticMap::radiance(const vec3& at, std::uint32_t near, const MatteSurface& surface) const {
-  return radianceOf(at, near, surface.facing,
+vec3 CausticMap::radiance(const vec3& at, std::uint32_t near, const MatteSurface& surface,
+                          std::uint32_t turns) const {
+  return radianceOf(at, near, surface.facing, turns,
                     [&](const CausticPhoton& p) { return surface.evaluate(p.towards); });
 }
 

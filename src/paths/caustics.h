@@ -33,6 +33,7 @@ struct CausticPhoton {
   vec3 towards;           ///< unit, where it came from
   vec3 power;             ///< W, over the number of photons of its map
   bool blurred;           ///< by a sharp lobe that is no delta
+  std::uint16_t turns;    ///< with that where it is seen, as Scene::maxBounces counts
   float way;              ///< metres from where it was last bent
 };
 
@@ -94,8 +95,11 @@ class CausticMap {
   std::uint32_t near(const vec3& position) const;
   /// Radiance that leaves the surface at a place, `near` of which is known, towards the eye of the
   /// Bsdf by its broad lobes and, if asked for, by sharp ones of light that deltas alone have bent.
-  vec3 radiance(const vec3& position, std::uint32_t near, const Bsdf& bsdf, bool sharpToo) const;
-  vec3 radiance(const vec3& position, std::uint32_t near, const MatteSurface& surface) const;
+  /// Of photons that have turned at most `turns` times.
+  vec3 radiance(const vec3& position, std::uint32_t near, const Bsdf& bsdf, bool sharpToo,
+                std::uint32_t turns = Scene::kAnyBounces) const;
+  vec3 radiance(const vec3& position, std::uint32_t near, const MatteSurface& surface,
+                std::uint32_t turns = Scene::kAnyBounces) const;
   std::size_t size() const;
 
  private:
@@ -135,7 +139,7 @@ class CausticMap {
   };
   /// `scattered`(photon): what of its light, by area across it, goes to the eye.
   template <typename Scattered>
-  vec3 radianceOf(const vec3& position, std::uint32_t near, const vec3& normal,
+  vec3 radianceOf(const vec3& position, std::uint32_t near, const vec3& normal, std::uint32_t turns,
                   const Scattered& scattered) const;
 
   std::vector<Grid> grids_;  ///< the finest first; cells lie in those of the next

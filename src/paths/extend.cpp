@@ -91,7 +91,7 @@ bool PathTracer::handToCone(WavePath& path, Wave& wave) const {
   request.tanHalf = guess_.footprint.spread(path.roughness);
   request.tmin = path.tnear;
   request.jitter = path.sampler.next1D();
-  request.weight = path.throughput;
+  request.weight = path.throughput * cachedShare(request.origin, path.turns);
   request.job = path.job;
   request.bounce = path.bounces;
   if (lights_.hasEnvironment()) {

@@ -132,6 +132,7 @@ vec3 PathTracer::causticLight(WavePath& path, const PlainWave& wave) const {
   const vec3 at(path.surface.position);
   const std::uint32_t near = map.near(at);
   if (near == 0) return vec3(0.0f);
+  const std::uint32_t turns = scene_.maxBounces - path.turns;
   if (path.isPlain()) {
     const PlainLanes& lanes = wave.lanesOf(path.place);
     const std::size_t lane = PlainWave::laneOf(path.place);
@@ -139,10 +140,10 @@ vec3 PathTracer::causticLight(WavePath& path, const PlainWave& wave) const {
       const auto of = [&](const PlainLanes::Floats(&v)[3]) { return PlainLanes::vector(v, lane); };
       const MatteSurface surface{of(lanes.diffuse), of(lanes.normal), of(lanes.facing),
                                  of(lanes.smoothNormal)};
-      return path.throughput * map.radiance(at, near, surface);
+      return path.throughput * map.radiance(at, near, surface, turns);
     }
   }
-  return path.throughput * map.radiance(at, near, bsdfOf(path), !path.spread);
+  return path.throughput * map.radiance(at, near, bsdfOf(path), !path.spread, turns);
 }
 
 void PathTracer::takeAnswer(WavePath& path) const {

@@ -48,9 +48,9 @@ void keep(std::vector<schedule::TimingSample>& samples, std::size_t& next, std::
 
 }  // namespace
 
-LoadChoice::LoadChoice(const hccm::PageTable& table, bool predict)
+LoadChoice::LoadChoice(const hccm::PageTable& table, LoadOrder order)
     : table_(table),
-      predict_(predict),
+      order_(order),
       blockPages_(std::max<std::uint32_t>(
           1, (static_cast<std::uint32_t>(table.pages.size()) + kBlocks - 1) / kBlocks)),
       blocks_((static_cast<std::uint32_t>(table.pages.size()) + blockPages_ - 1) / blockPages_),
@@ -100,7 +100,7 @@ void LoadChoice::look() {
 
 /// Rays that will come to each block, if those that wait go on as those before them did.
 void LoadChoice::expect() {
-  if (!predict_) return;
+  if (order_ != LoadOrder::kPlan) return;
   const std::vector<double> coming = forecast_.coming(queued_, kSteps);
   for (std::uint32_t b = 0; b < blocks_; ++b)
     share_[b] = cameToBlock_[b] > 0.0 ? coming[b] / cameToBlock_[b] : 0.0;
@@ -109,6 +109,7 @@ void LoadChoice::expect() {
 /// Rays that are still to come are a reason to wait for them.
 double LoadChoice::worth(std::uint32_t page) const {
   const double rays = queues_->waiting(page);
+  if (order_ == LoadOrder::kInTurn) return std::min(rays, 1.0);
   return std::max(rays - kPatience * expected(page), 1e-3 * rays);
 }
 
@@ -201,12 +202,26 @@ void LoadChoice::choose() {
   expect();
   fit();
   chosen_.clear();
+  if (order_ == LoadOrder::kInTurn) return chooseInTurn();
   const std::vector<std::uint32_t> wanted = candidates();
   const bool plans = std::any_of(wanted.begin(), wanted.end(),
                                  [&](std::uint32_t page) { return !cache_->isKept(page); });
   if (plans) return planLoads(wanted);
   // No channel is worth a plan: what is worth most comes first.
   chosen_.assign(wanted.rbegin(), wanted.rend());
+}
+
+/// All pages that rays wait for of the next block that has any, as schedule::planRoundRobin() takes
+/// blocks.
+void LoadChoice::chooseInTurn() {
+  const auto pages = static_cast<std::uint32_t>(pages_.size());
+  for (std::uint32_t tried = 0; tried < blocks_ && chosen_.empty(); ++tried) {
+    const std::uint32_t first = turn_ * blockPages_;
+    for (std::uint32_t p = std::min(first + blockPages_, pages); p-- > first;) {
+      if (isWanted(p)) chosen_.push_back(p);
+    }
+    turn_ = (turn_ + 1) % blocks_;
+  }
 }
 
 /// Plans their loads.

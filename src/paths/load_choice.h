@@ -16,6 +16,7 @@
 #include <vector>
 
 #include "hccmesh/page_cache.h"
+#include "src/paths/load_order.h"
 #include "src/paths/page_queues.h"
 #include "src/paths/traffic_record.h"
 #include "src/schedule/forecast.h"
@@ -29,9 +30,9 @@ class LoadChoice {
   /// Paths that begin come from here.
   static constexpr std::uint32_t kBegin = 0xffffffffu;
 
-  /// `predict`: rays that are expected count, too; else those alone that wait, what was used
-  /// longest ago goes first, and nothing is read ahead. The table outlives it.
-  explicit LoadChoice(const hccm::PageTable& table, bool predict = true);
+  /// Without prediction (all but LoadOrder::kPlan) rays count alone that wait, and what was used
+  /// longest ago goes first. The table outlives it.
+  explicit LoadChoice(const hccm::PageTable& table, LoadOrder order = LoadOrder::kPlan);
 
   /// A set of paths begins. `record` (may be null) takes down what is planned.
   void begin(const hccm::PageCache& cache, const PageQueues& queues, TrafficRecord* record);
@@ -66,8 +67,8 @@ class LoadChoice {
     return hccm::PageCache::bytesOf(table_.pages[page]);
   }
   /// Whether pages had better be read before a thread needs them: a read takes long, as most of
-  /// them lately did. Not without prediction.
-  bool readsAhead() const { return predict_ && readSeconds_ > kSlow; }
+  /// them lately did. Not by rays that wait alone.
+  bool readsAhead() const { return order_ != LoadOrder::kWaiting && readSeconds_ > kSlow; }
   double readSeconds() const { return readSeconds_; }
   std::uint32_t packedBytesOf(std::uint32_t page) const { return table_.pages[page].packedBytes; }
 
@@ -110,9 +111,10 @@ class LoadChoice {
   std::vector<std::uint32_t> leastNeeded();
   void choose();
   void planLoads(const std::vector<std::uint32_t>& wanted);
+  void chooseInTurn();
 
   const hccm::PageTable& table_;
-  const bool predict_;
+  const LoadOrder order_;
   const std::uint32_t blockPages_, blocks_;
   const hccm::PageCache* cache_ = nullptr;
   const PageQueues* queues_ = nullptr;
@@ -135,6 +137,7 @@ class LoadChoice {
   std::uint64_t clock_ = 0, loads_ = 0;  ///< loads_: of the cache, that are known
   std::uint64_t loaded_ = 0;             ///< pages, by loaded()
   std::uint64_t plans_ = 0;
+  std::uint32_t turn_ = 0;                   ///< the block whose turn it is, of LoadOrder::kInTurn
   std::uint64_t changes_ = 0, planned_ = 0;  ///< planned_: the last one that a plan knew of
 };
 

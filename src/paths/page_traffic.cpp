@@ -234,6 +234,7 @@ bool PageTraffic::unpackOne(std::unique_lock<std::mutex>& lock, unsigned thread)
   report_.unpacking += end - start;
   ++report_.loads;
   report_.readAhead += packed.ahead;
+  if (!packed.kept) report_.planned += choice_.packedBytesOf(page);
   if (!packed.kept) wakeReader();  // there is room for another
   if (failed) {
     failLocked(std::move(failed));
@@ -330,7 +331,7 @@ PageTraffic::Span PageTraffic::readThese(std::unique_lock<std::mutex>& lock,
   for (Packed& p : some) {
     const hccm::PageEntry& entry = mesh_.table().pages[p.page];
     p.bytes.resize(entry.packedBytes);
-    parts.push_back({entry.offset, p.bytes});
+    parts.push_back({entry.offset, p.bytes, entry.checksum});
     bytes += choice_.bytesOf(p.page);
   }
   const double start = secondsNow();

@@ -44,11 +44,12 @@ struct PageTrafficReport {
   std::uint64_t loads = 0;      ///< pages that were unpacked, or taken as they had been
   std::uint64_t readAhead = 0;  ///< of these, read before a ray waited for them
   std::uint64_t readInVain = 0;
+  std::uint64_t planned = 0;          ///< packed bytes of pages that were chosen and unpacked
   std::uint64_t rays = 0, waits = 0;  ///< rays that have waited, and for how many pages in all
   void add(const PageTrafficReport& o) {
     tracing += o.tracing, waiting += o.waiting, unpacking += o.unpacking, reading += o.reading;
     loads += o.loads, readAhead += o.readAhead, readInVain += o.readInVain;
-    rays += o.rays, waits += o.waits;
+    planned += o.planned, rays += o.rays, waits += o.waits;
   }
 };
 

@@ -108,6 +108,8 @@ class PathTracer {
   void emit(WavePath& path) const;
   bool endInCache(WavePath& path, const vec3& side, const vec3* albedo) const;
   bool handsToCones(const WavePath& path, bool cacheable) const;
+  bool mayEndAfter(std::uint32_t turns) const;
+  float cachedShare(const vec3& position, std::uint32_t turns) const;
 
   void ask(Wave& wave) const;
   void ask(WavePath& path, Wave& wave) const;

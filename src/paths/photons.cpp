@@ -12,8 +12,6 @@
 namespace trex {
 namespace {
 
-constexpr std::uint32_t kPhotonBounces = 64;
-
 struct Photon : Walk {
   vec3 power{0.0f};      ///< W
   float emitted = 0.0f;  ///< its largest channel at the light
@@ -142,7 +140,8 @@ bool Photons::land(Photon& photon, const Surface& surface, const vec3& normal,
                       .source = photon.source,
                       .primary = photon.primary,
                       .density = photon.density,
-                      .bounce = photon.found});
+                      .bounce = photon.found,
+                      .turns = photon.turns});
   return allBounces;
 }
 

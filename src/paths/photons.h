@@ -17,6 +17,10 @@ namespace trex {
 
 class WalkTracer;
 
+/// Ends of rays of a photon, at most: as many as of a path, so that both see the same of light that
+/// is shut in between white walls.
+inline constexpr std::uint32_t kPhotonBounces = 256;
+
 struct LandedPhoton {
   vec3 position, normal;  ///< normal: geometric, unit, on the side the light came from
   vec3 power;             ///< W, as EmittedPhoton
@@ -25,6 +29,7 @@ struct LandedPhoton {
   vec4 primary;
   float density;
   std::uint32_t bounce;  ///< landings of this photon before
+  std::uint32_t turns;   ///< its turns before, as Scene::maxBounces counts
 };
 
 /// Traces photons first, first + 1, ... first + count - 1; those that land, in the order of their

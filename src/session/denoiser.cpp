@@ -117,6 +117,13 @@ DenoiseMethod denoiseMethod(const RenderSettings& s) {
   return untouched ? DenoiseMethod::kOff : DenoiseMethod::kFilter;
 }
 
+void prepareDenoiser(const RenderSettings& s) {
+  try {
+    if (mayUseOidn(s)) prepareLight(*findOidn().library, s.width, s.height);
+  } catch (const Error&) {
+  }
+}
+
 double denoiseSeconds(DenoiseMethod method, const RenderSettings& s, bool corrected) {
   if (method == DenoiseMethod::kOff) return 0.0;
   const double pixels = static_cast<double>(s.width) * s.height;

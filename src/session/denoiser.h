@@ -28,6 +28,10 @@ DenoiseMethod denoiseMethod(const RenderSettings& settings);
 /// seconds of rendering, where the quick one takes `quick`; kFilter if none does.
 DenoiseMethod wayWithin(double seconds, double quick);
 
+/// Makes Open Image Denoise ready for pictures of these settings, where it may be taken: what can't
+/// be is told when the picture asks.
+void prepareDenoiser(const RenderSettings& settings);
+
 /// Seconds that denoising a whole picture takes here, about: the guess alone, and with a
 /// correction by pairs.
 double denoiseSeconds(DenoiseMethod method, const RenderSettings& settings, bool corrected);

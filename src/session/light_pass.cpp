@@ -16,12 +16,11 @@ namespace {
 constexpr std::uint64_t kBatch = 1u << 18;  // photons that guides learn from at a time
 /// Guides learn after each batch, so the first ones are small.
 constexpr std::uint64_t kPilotBatch = 1u << 14, kPilotPhotons = 1u << 17;
-constexpr double kChunkSeconds = 0.003;  // between two questions whether to go on
+constexpr double kPhotonSeconds = 1.5e-6;  // of one, before it is known
 constexpr std::uint64_t kMostPhotons = shaderio::kPhotonNumbers;
-/// Counts of the largest photon: 2^30 photons x 2^6 deposits x 2^20 counts stay below 2^63.
+/// Counts of the largest photon: 2^30 photons x 2^8 deposits x 2^20 counts stay below 2^63.
 constexpr double kLargestCounts = 1u << 20;
-/// What is left of light after so many bounces is nothing to a guess.
-constexpr std::uint32_t kManyBounces = 32;
+static_assert(kPhotonBounces == shaderio::kMostPhotonBounces && kPhotonBounces == 1u << 8);
 
 }  // namespace
 
@@ -34,7 +33,8 @@ std::uint64_t photonTarget(std::uint32_t sample, std::uint64_t pixels) {
 }
 
 LightPass::LightPass(const Scene& scene, const WalkTracer& walks, const LightSet& lights,
-                     GRayTracer& device, LightCache& cache, std::uint32_t seed, bool rayBounces)
+                     GRayTracer& device, LightCache& cache, std::uint32_t seed, bool rayBounces,
+                     double slice)
     : scene_(scene),
       walks_(walks),
       lights_(lights),
@@ -42,10 +42,16 @@ LightPass::LightPass(const Scene& scene, const WalkTracer& walks, const LightSet
       cache_(cache),
       seed_(seed),
       rayBounces_(rayBounces || walks.rays().media() != nullptr ||
-                  scene.maxBounces < kManyBounces) {
+                  scene.maxBounces != Scene::kAnyBounces),
+      slice_(slice),
+      chunk_(std::bit_floor(static_cast<std::uint64_t>(slice / kPhotonSeconds))) {
   const Box3f bounds = walks.rays().bounds();
   const double radius = bounds.empty() ? 1.0 : 0.5 * glm::length(dvec3(bounds.size()));
   const double sphere = 4.0 * std::numbers::pi * radius * radius;
+  if (scene.maxBounces != Scene::kAnyBounces && !bounds.empty()) {
+    const std::uint32_t most = std::max(scene.maxBounces, 2u) - 2u;
+    turns_ = TurnSums(bounds, std::min(most, kPhotonBounces - 1u));
+  }
   if (lights.totalPower() > 0.0 && sphere > 0.0) scale_ = lights.totalPower() / sphere;
   unit_ = static_cast<double>(lights.largestPhotonPower()) / scale_ / kLargestCounts;
 }
@@ -87,6 +93,10 @@ std::optional<ShotPhotons> LightPass::land(std::uint64_t first, std::uint64_t co
     shot.records[i] = {p.position, cache_.tracer().asvoOctEncode(p.normal), p.power * inverse,
                        p.index + flags};
   });
+  if (turns_.counts()) {
+    for (const LandedPhoton& p : *landed)
+      shot.turns.push_back(static_cast<std::uint8_t>(std::min(p.turns, 255u)));
+  }
   shot.lessons = lessonsOf(*landed, importance_, guides_);
   return shot;
 }
@@ -113,6 +123,10 @@ bool LightPass::shoot(std::uint64_t count, const std::function<bool()>& keepGoin
   }
   if (!shot->records.empty()) device_.tracePhotons(shot->records, unit_);
   if (noticeLoss()) return true;
+  for (std::size_t i = 0; i < shot->turns.size(); ++i) {
+    const vec3& power = shot->records[i].power;
+    turns_.add(shot->records[i].position, shot->turns[i], power.x + power.y + power.z);
+  }
   emitted_ += count;
   if (guides_.empty()) return true;
   unlearned_.insert(unlearned_.end(), shot->lessons.begin(), shot->lessons.end());
@@ -129,6 +143,7 @@ bool LightPass::noticeLoss() {
   losses_ = device_.fluxLosses();
   device_.resetFlux();  // what came after the loss is shot again, too
   emitted_ = landed_ = wanted_ = 0;
+  turns_.restart();
   unlearned_.clear();
   guides_ = hints_;
   return true;
@@ -148,14 +163,15 @@ bool LightPass::run(std::uint64_t target, const std::function<bool()>& keepGoing
       const std::uint64_t most = walks_.waits() || sharer_ != nullptr ? kBatch : chunk_;
       going = shoot(std::min({most, boundary() - emitted_, target - emitted_}), keepGoing, giveUp);
       const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - mark;
-      if (taken.count() > 1.5 * kChunkSeconds) chunk_ = std::max<std::uint64_t>(chunk_ / 2, 256);
-      if (taken.count() < 0.5 * kChunkSeconds) chunk_ = std::min(chunk_ * 2, kBatch);
+      if (taken.count() > 1.5 * slice_) chunk_ = std::max<std::uint64_t>(chunk_ / 2, 256);
+      if (taken.count() < 0.5 * slice_) chunk_ = std::min(chunk_ * 2, kBatch);
     }
     going = going && device_.resolveLight(emitted_, keepGoing);
   } while (noticeLoss());
   if (going) {
     cache_.setLight(device_.light(), scale_, static_cast<double>(emitted_), device_.lightBefore(),
                     static_cast<double>(resolved_));
+    if (turns_.counts()) cache_.setTurns(turns_.shares());
     resolved_ = emitted_;
   }
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;

@@ -20,10 +20,15 @@ std::uint64_t photonTarget(std::uint32_t sample, std::uint64_t pixels);
 
 class LightPass {
  public:
+  /// Seconds of photons between two questions whether to go on: the longer, the less time is lost
+  /// where all threads wait for each other. Of a screen, and of captures.
+  static constexpr double kShortSlice = 0.003, kSlice = 0.02;
+
   /// `rayBounces`: photons bounce as C-rays, and the device only adds up where they land. They do
-  /// so in a scene with media or few bounces, whatever is said here: voxels know of neither.
+  /// so in a scene with media or where bounces have an end, whatever is said here: voxels know of
+  /// neither.
   LightPass(const Scene& scene, const WalkTracer& walks, const LightSet& lights, GRayTracer& device,
-            LightCache& cache, std::uint32_t seed, bool rayBounces);
+            LightCache& cache, std::uint32_t seed, bool rayBounces, double slice = kShortSlice);
 
   /// Photons of outside sources shall go where this camera's picture of width x height needs light.
   /// To be called before the first run(); without it they start uniformly. Costs some ms, and
@@ -33,8 +38,8 @@ class LightPass {
   /// From now on photons are shot together with other machines; it outlives this.
   void share(PhotonSharer* sharer) { sharer_ = sharer; }
 
-  /// Shoots what is missing up to `target` photons in all and resolves. Asks `keepGoing` every few
-  /// milliseconds; false if it said no: the light is then as it was, and the next call goes on. The
+  /// Shoots what is missing up to `target` photons in all and resolves. Asks `keepGoing` after each
+  /// slice; false if it said no: the light is then as it was, and the next call goes on. The
   /// light depends on the number of photons alone, not on the calls that brought them. Where flux
   /// is lost with a device the same are shot again, and the light of before stays until then.
   /// Photons that wait for pages may take a minute: `giveUp`, asked by all threads meanwhile, ends
@@ -80,7 +85,9 @@ class LightPass {
   std::uint64_t emitted_ = 0, landed_ = 0, wanted_ = 0;
   int losses_ = 0;                       ///< GRayTracer::fluxLosses() of before
   std::uint64_t resolved_ = 0;           ///< photons that the cache knows of
-  std::uint64_t chunk_ = 1u << 11;       ///< photons that take some milliseconds here
+  TurnSums turns_;                       ///< counts where Scene::maxBounces has an end
+  double slice_;                         ///< seconds
+  std::uint64_t chunk_;                  ///< photons that take about a slice here
   std::vector<PhotonLesson> unlearned_;  ///< of the batch under way
   ImportanceMap importance_;
   std::vector<EmissionGuide> guides_;  ///< by source; none if nothing is to be guided

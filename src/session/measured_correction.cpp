@@ -10,6 +10,9 @@ namespace trex {
 namespace {
 
 constexpr float kFaint = 0.01f;  // of squares in relMSE
+/// Of all other error, what counts as bias at most where that does not stand out: the whole is then
+/// within a factor of two of the truth if that is anything from 5/8 to 5/2 of the others.
+constexpr double kMaybe = 0.25;
 
 double dotOf(const vec3& a, const vec3& b) { return static_cast<double>(glm::dot(a, b)); }
 
@@ -189,9 +192,7 @@ CellWeights<MeasuredCorrection::Shared> MeasuredCorrection::measure(
 
 /// Sum of the squares of the guess's bias, even in blocks of some size.
 BiasFigures MeasuredCorrection::biasOf(const std::vector<vec3>& weigh, std::uint32_t size) const {
-  return blockProducts(
-      width_, height_, size, weigh, [&](std::size_t i) { return raw_[i]; },
-      [&](std::size_t i) { return variance_[i]; });
+  return blockProducts(width_, height_, size, weigh, [&](std::size_t i) { return raw_[i]; });
 }
 
 std::vector<vec3> MeasuredCorrection::take(const std::vector<vec3>& picture) {
@@ -219,17 +220,20 @@ std::vector<vec3> MeasuredCorrection::take(const std::vector<vec3>& picture) {
     gained = 0.0;
   }
   const BiasFigures even = biasOf(weigh, kBlockSides[0]), fine = biasOf(weigh, kBlockSides[1]);
+  const BiasFigures more{fine.square - std::max(even.square, 0.0),
+                         std::hypot(fine.doubt, even.doubt)};
   const double values = 3.0 * static_cast<double>(picture.size());
-  left_ = {{even.square / values, even.doubt / values},
-           std::max(fine.square - even.square - fine.doubt, 0.0) / values,
-           gained / values};
+  left_ = {{even.square / values, even.doubt / values}, standsOut(more) / values, gained / values};
   return out;
 }
 
-double BiasLeft::square(double known) const {
-  const double sure = std::max(known, captured), more = even.square - sure;
-  const double beyond =
-      more > 0.0 ? more * more / (more + even.doubt) : std::min(more + kSurely * even.doubt, 0.0);
+double BiasLeft::square(double known, double others) const {
+  const double sure = std::max(known, captured), more = std::max(even.square, 0.0) - sure;
+  double beyond = std::min(more + kSurely * even.doubt, 0.0);
+  if (more > 0.0) {
+    const double maybe = more * more / (more + even.doubt);
+    beyond = std::max(standsOut({more, even.doubt}), std::min(maybe, kMaybe * (others + known)));
+  }
   return std::max(sure + beyond - captured, 0.0) + detail;
 }
 

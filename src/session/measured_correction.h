@@ -43,8 +43,9 @@ struct BiasLeft {
   double captured = 0.0;  ///< by the correction
 
   /// Estimated; `known` of the square of the bias, even in blocks, is known without pairs. What
-  /// they say beyond that counts as far as it stands out of its standard error.
-  double square(double known = 0.0) const;
+  /// they say beyond that counts as far as it stands out of its standard error, and else no more
+  /// than in proportion to what is known of the picture's error: `others`, which are no bias.
+  double square(double known, double others) const;
 };
 
 /// One correction under way. One thread at a time.

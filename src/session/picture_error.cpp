@@ -67,7 +67,8 @@ double estimatePictureError(const FrameBuffers& frame) {
   const double noise = taken > 0.0 ? std::min(square / taken, 1.0) * moved / pixels : 0.0;
   const double shared = neighbours > 0.0 ? common / neighbours + 2.0 * noise : 0.0;
   const double photons = frame.photonNoise->square(frame.tiles.samplesDone(), weigh, kEven);
-  return kUnseen * std::max(shared, noise) / 3.0 + shown.biasLeft()->square(photons);
+  const double filtered = kUnseen * std::max(shared, noise) / 3.0;
+  return filtered + shown.biasLeft()->square(photons, filtered);
 }
 
 }  // namespace trex

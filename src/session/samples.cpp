@@ -345,26 +345,32 @@ void SampleTaker::adaptWaiting(double seconds, std::size_t jobs) {
                         mostWaiting_);
 }
 
-/// First stage: C-rays on all CPU threads; the cones start on the device. False if it was given up.
-bool SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
-                        SampleBatch& batch, bool mayGiveUp) {
-  const std::size_t count = batch.jobs.size(), chunks = (count + kChunk - 1) / kChunk;
-  const std::uint32_t width = frame.sums.width();
-  batch.paths.assign(count, PathSample{});
-  batch.rays.assign(count, RayCounts{});
-  batch.cones.resize(source.batched ? 1 : chunks);
-  for (Cones& part : batch.cones) part.clear();
-  {
-    const RaysWait wait(source.behind, true);
-    prepareCaustics(source.caustics, batch.jobs, [](const PathJob& job) { return job.sample; });
-  }
-  for (PathJob& job : batch.jobs) {
+/// Makes jobs of a batch ready: which of them are pairs, and room for what they bring.
+void SampleTaker::prepare(const FrameBuffers& frame, const SampleSource& source, std::size_t first,
+                          std::size_t size, SampleBatch& batch) const {
+  for (std::size_t i = first; i < first + size; ++i) {
+    PathJob& job = batch.jobs[i];
+    batch.paths[i] = {};
+    batch.rays[i] = {};
     const double offset = toUnitFloat(hashCombine(hashCombine(job.x, job.y), seed_));
     const double share =
         frame.dial ? frame.dial->share(frame.tiles.tileAt(job.x, job.y), job.sample) : exact_;
     job.paired = source.pairs && !job.look && takesExact(job.sample, share, offset);
   }
+}
+
+/// First stage: C-rays on all CPU threads; the cones start on the device. False if it was given up.
+bool SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
+                        SampleBatch& batch, bool mayGiveUp) {
+  const std::size_t count = batch.jobs.size(), chunks = (count + kChunk - 1) / kChunk;
+  const std::uint32_t width = frame.sums.width();
+  batch.paths.resize(count);
+  batch.rays.resize(count);
+  batch.cones.resize(source.batched ? 1 : chunks);
+  for (Cones& part : batch.cones) part.clear();
+  prepareCaustics(source.caustics, batch.jobs, [](const PathJob& job) { return job.sample; });
   if (source.batched) {
+    prepare(frame, source, 0, count, batch);
     const bool done =
         source.batched->trace(batch.jobs, width, batch.paths, batch.rays, batch.cones[0],
                               mayGiveUp ? giveUp_ : std::function<bool()>());
@@ -374,15 +380,21 @@ bool SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
   const RaysWait wait(source.behind, batch.waits);
   tbb::parallel_for(std::size_t{0}, source.batched ? 0 : chunks, [&](std::size_t chunk) {
     const std::size_t first = chunk * kChunk, size = std::min(kChunk, count - first);
-    const auto jobs = std::span(batch.jobs).subspan(first, size);
+    prepare(frame, source, first, size, batch);
     const std::uint64_t before = hccm::PageFetcher::missesHere();
-    source.tracer->trace(jobs, width, static_cast<std::uint32_t>(first),
+    source.tracer->trace(std::span(batch.jobs).subspan(first, size), width,
+                         static_cast<std::uint32_t>(first),
                          std::span(batch.paths).subspan(first, size),
                          std::span(batch.rays).subspan(first, size), batch.cones[chunk]);
     batch.missed[chunk] = hccm::PageFetcher::missesHere() != before;
   });
   if (source.behind != nullptr) dropMissed(batch);
-  for (const RayCounts& c : batch.rays) rays_.add(c);
+  std::vector<RayCounts> rays(chunks);
+  tbb::parallel_for(std::size_t{0}, chunks, [&](std::size_t chunk) {
+    const std::size_t first = chunk * kChunk, size = std::min(kChunk, count - first);
+    for (const RayCounts& c : std::span(batch.rays).subspan(first, size)) rays[chunk].add(c);
+  });
+  for (const RayCounts& c : rays) rays_.add(c);
   batch.queries.clear();
   for (const Cones& part : batch.cones) {
     for (const ConeRequest& r : part.requests) {

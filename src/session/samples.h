@@ -83,6 +83,8 @@ class SampleTaker {
  private:
   std::size_t wanted(const SampleSource& source, std::size_t pixels) const;
   bool fill(FrameBuffers& frame, const SampleSource& source, SampleBatch& batch) const;
+  void prepare(const FrameBuffers& frame, const SampleSource& source, std::size_t first,
+               std::size_t size, SampleBatch& batch) const;
   bool trace(const FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
              SampleBatch& batch, bool mayGiveUp);
   void adaptWaiting(double seconds, std::size_t jobs);

@@ -48,6 +48,7 @@ Session::Session(std::shared_ptr<const Model> model, const Camera& camera,
       goal_(settings_),
       light_(settings_),
       samples_(model_->scene, settings_) {
+  if (!settings_.interactive) prepareDenoiser(settings_);
   layers_.alpha |= settings_.transparent;
   makeFrames();
   keepTimeFree();
@@ -327,7 +328,7 @@ void Session::makeWalks() {
     walks_ = std::make_unique<const WalkTracer>(rays);
     return;
   }
-  loads_ = std::make_unique<LoadChoice>(rays.parts().paged->table(), settings_.predictLoads);
+  loads_ = std::make_unique<LoadChoice>(rays.parts().paged->table(), settings_.loadOrder);
   if (settings_.recordTraffic) {
     const bool cones = settings_.exact < 1.0 && model_->voxels && lights_->anyPower();
     traffic_ = std::make_unique<TrafficRecord>(static_cast<unsigned>(threadsAllowed()),

@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "src/paths/load_order.h"
 #include "src/scene/scene.h"
 
 namespace trex::schedule {
@@ -63,11 +64,11 @@ struct RenderSettings {
   std::uint64_t textureMemory = 0;  ///< bytes of texels in memory; 0: all of them
   /// Bytes of paths that wait for pages, where these do not fit in memory; 0: threads wait.
   std::uint64_t rayMemory = 0;
-  std::uint64_t sharedBytes = 0;   ///< of what comes from and goes to other machines
-  bool servesModel = false;        ///< which are given a copy of the model in memory
-  bool recordTraffic = false;      ///< of paths that wait: Session::traffic()
-  bool predictLoads = true;        ///< pages are loaded and kept by what is expected, too
-  std::uint64_t maxGpuMemory = 0;  ///< bytes of device memory; 0: what the device has
+  std::uint64_t sharedBytes = 0;           ///< of what comes from and goes to other machines
+  bool servesModel = false;                ///< which are given a copy of the model in memory
+  bool recordTraffic = false;              ///< of paths that wait: Session::traffic()
+  LoadOrder loadOrder = LoadOrder::kPlan;  ///< of pages that paths wait for
+  std::uint64_t maxGpuMemory = 0;          ///< bytes of device memory; 0: what the device has
 };
 
 /// The share of exact samples as a user gives it: a number, or auto.

@@ -16,6 +16,12 @@ struct BiasFigures {
 /// Standard errors of an estimate that count as noise.
 inline constexpr double kSurely = 2.0;
 
+/// What of an estimate stands out: nothing below kSurely standard errors, all far above.
+inline double standsOut(const BiasFigures& f) {
+  const double noise = kSurely * f.doubt;
+  return f.square > noise ? f.square - noise * noise / f.square : 0.0;
+}
+
 /// Scales at which bias is told apart, pixels of a block each way, and how many pixels around one a
 /// filter of differences takes the mean of at each, about.
 inline constexpr int kScales = 2;

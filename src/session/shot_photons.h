@@ -16,6 +16,7 @@ namespace trex {
 /// what guides had learned before their batch, alone.
 struct ShotPhotons {
   std::vector<shaderio::PhotonRecord> records;
+  std::vector<std::uint8_t> turns;  ///< LandedPhoton::turns, of each record; or none
   std::vector<PhotonLesson> lessons;
 };
 

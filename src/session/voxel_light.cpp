@@ -11,17 +11,22 @@ std::unique_ptr<GRayTracer> makeLightDevice(const std::vector<Material>& materia
                                             const asvo::Tree& tree,
                                             const RenderSettings& settings) {
   const auto photons = photonMaterials(materials, images);
-  if (settings.device == RenderSettings::kNoDevice) return makeCpuTracer(tree, photons);
   const VulkanLimits limits{.maxBytes = settings.maxGpuMemory};
-  if (settings.device == RenderSettings::kBestDevice) return makeAutoTracer(tree, photons, limits);
   // A device that was asked for by its number is not left silently.
-  return makeVulkanTracer(tree, photons, settings.device, limits);
+  std::unique_ptr<GRayTracer> device =
+      settings.device == RenderSettings::kNoDevice ? makeCpuTracer(tree, photons)
+      : settings.device == RenderSettings::kBestDevice
+          ? makeAutoTracer(tree, photons, limits)
+          : makeVulkanTracer(tree, photons, settings.device, limits);
+  device->prepare();
+  return device;
 }
 
 VoxelLight::VoxelLight(const RenderSettings& settings)
     : seed_(settings.seed),
       kind_(settings.photonKind),
       leastPhotons_(settings.photons),
+      slice_(settings.interactive ? LightPass::kShortSlice : LightPass::kSlice),
       aim_(settings.aim) {}
 
 void VoxelLight::setVoxels(std::shared_ptr<const asvo::Tree> tree,
@@ -72,7 +77,7 @@ void VoxelLight::start(const Model& model, const WalkTracer& walks, const LightS
   const bool rays =
       kind_ == PhotonKind::kRay || (kind_ == PhotonKind::kAuto && side.device->sharesHostCores());
   side.pass = std::make_unique<LightPass>(model.scene, walks, lights, *side.device, *side.cache,
-                                          seed_, rays);
+                                          seed_, rays, slice_);
   side.pass->share(sharer_);
   side.pass->aim(aim, width, height);
 }

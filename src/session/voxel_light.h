@@ -119,6 +119,7 @@ class VoxelLight {
   std::uint32_t seed_;
   PhotonKind kind_;
   std::uint64_t leastPhotons_;
+  double slice_;  ///< seconds: LightPass
   std::uint32_t number_ = 0;
   std::optional<Camera> aim_;  ///< where photons from outside are aimed; none: the view
   State state_ = State::kAbsent;

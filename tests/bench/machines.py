@@ -2,7 +2,8 @@
 """Several machines on one: network namespaces with links of a given speed, and a share of the cores each. As root.
 
     machines.py --trex build/trex [--triangles 1e6] [--machines 1,2,4] [--megabits 1000,100] [--share 0.4] [--runs 1]
-                [--model FILE] [--page-disk auto|off] [--by-machine]
+                [--model FILE] [--page-disk auto|off] [--databases local,central] [--by-machine] [--round-robin]
+                [--max-memory 600M]
     machines.py --trex build/trex --kill FOLDER [--triangles 1e6] [--share 0.4] [--runs 3]
 
     machines.py --trex build/trex --window [--megabits 100] [--share 0.4] [--triangles 1e6] [--runs 3] [--elsewhere SHARES]
@@ -13,6 +14,9 @@ killed at half time, in turn (no links: all on this machine).
 The third: a window by itself, and one with a server (trex worker) at the other end of a link, in turn: edit to coarse frame, and to a
 picture of so many samples. Needs Xvfb. --elsewhere: the model is the server's alone; the window has room for these shares of its pages
 (1: all), and what its pages take of the link before the coarse frame is said apart.
+
+With --round-robin each job of several machines runs again with pages in turn (--page-order round-robin), for the ratio of seconds
+(bar 1.5 at 100 Mbit/s); with --max-memory each process has that limit, and its peak is told as a share of it (bar 1.05).
 
 Prints for each number of machines how long the same picture takes, and what travelled: central scene database (only machine 0 has
 the model, the others start with nothing) and local copies. All pictures must have the same bytes. Leaves nothing behind."""
@@ -31,6 +35,21 @@ def give_share(group, share):
     for key, value in (("cpu.cfs_period_us", 20000), ("cpu.cfs_quota_us", int(20000 * share))):
         with open(f"{CPU}/{group}/{key}", "w") as f:
             f.write(str(value))
+
+
+def remove_group(group):
+    """With what still runs in it, if the bench was stopped."""
+    folder = f"{CPU}/{group}"
+    for _ in range(100):
+        if not os.path.isdir(folder):
+            return
+        try:
+            with open(f"{folder}/cgroup.procs") as f:
+                for process in f.read().split():
+                    os.kill(int(process), signal.SIGKILL)
+            os.rmdir(folder)
+        except OSError:  # they are about to end
+            time.sleep(0.05)
 
 
 class Machines:
@@ -67,9 +86,8 @@ class Machines:
 
     def remove(self):
         for i in range(16):
+            remove_group(f"{NAME}-{i}")
             call("ip", "netns", "del", f"{NAME}-{i}", check=False)
-            if os.path.isdir(f"{CPU}/{NAME}-{i}"):
-                os.rmdir(f"{CPU}/{NAME}-{i}")
         call("ip", "netns", "del", NAME, check=False)
 
     def run(self, trex, arguments):
@@ -215,6 +233,41 @@ def window(a, trex, folder, model):
         xvfb.terminate()
 
 
+HEAD = "link      machines  database  seconds  speed-up  model sent  passed on  of planned  samples back  peak"
+
+
+def tell(a, megabits, count, database, seconds, alone, report, used):
+    rows = report.get("machines", [])
+    sent, passed, got, planned = (sum(r[key] for r in rows) / 1e6 for key in
+                                  ("model_bytes_sent", "page_bytes_passed_on", "page_bytes_received", "page_bytes_planned"))
+    peak = max([r["peak_resident_bytes"] for r in rows] or [report["peak_resident_bytes"]])
+    central = database == "central"
+    print(f"{megabits:>4} Mbit {count:9} {database:>9} {seconds:8.1f} {alone / seconds:8.2f}x {sent:8.1f} MB {passed:7.1f} MB "
+          f"{got / planned if central and planned else 0:11.2f} {report.get('machine_bytes_received', 0) / 1e6:10.1f} MB "
+          f"{peak / 1e6:5.0f} MB{of_limit(a, peak)}", flush=True)
+    if a.by_machine and not rows:
+        print(f"     {report['page_loads']} loads, {report['page_loads'] - report['page_loads_restored']} unpacked; {used:.1f} s of processors")
+    for r in rows if a.by_machine else []:
+        print(f"     machine {r['machine']}: {r['tile_samples']} tile samples in {r['tracing_seconds']:.1f} s "
+              f"(waiting {r['waiting_thread_seconds']:.1f}, unpacking {r['unpacking_thread_seconds']:.1f}), "
+              f"{r['page_loads']} loads, {r['page_loads'] - r['page_loads_restored']} unpacked; {r['photons']} photons, "
+              f"{r['photon_seconds']:.1f} s; reading threads {r['reading_thread_seconds']:.1f}; {r['processor_seconds']:.1f} s of processors")
+        if central:
+            print(f"        pages: {r['page_bytes_received'] / 1e6:.1f} MB received of {r['page_bytes_planned'] / 1e6:.1f} planned, "
+                  f"{r['page_bytes_passed_on'] / 1e6:.1f} MB passed on; {r['model_bytes_sent'] / 1e6:.1f} MB from machine 0", end="")
+        else:
+            print("       ", end="")
+        print(f" peak {r['peak_resident_bytes'] / 1e6:.0f} MB{of_limit(a, r['peak_resident_bytes'])}"
+              + (f"; link {8e-6 * r['link_bytes_a_second']:.0f} Mbit/s, {1e3 * r['link_round_trip_seconds']:.1f} ms"
+                 if r["link_bytes_a_second"] else ""), flush=True)
+
+
+def of_limit(a, peak):
+    units = {"K": 1 << 10, "M": 1 << 20, "G": 1 << 30}
+    limit = a.max_memory and (float(a.max_memory[:-1]) * units[a.max_memory[-1].upper()])
+    return f", {peak / limit:.2f} of its limit" if limit else ""
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trex", required=True)
@@ -222,12 +275,15 @@ def main():
     parser.add_argument("--machines", default="1,2,4")
     parser.add_argument("--megabits", default="1000,100")
     parser.add_argument("--share", type=float, default=0.4, help="of a core, each machine")
-    parser.add_argument("--cache", type=float, default=0.1, help="of the pages' memory, each machine")
+    parser.add_argument("--cache", type=float, default=0.1, help="of the pages' memory, each machine; 0: what --max-memory leaves")
     parser.add_argument("--spp", type=int, default=16)
     parser.add_argument("--size", default="320x180")
     parser.add_argument("--exact", default="1")
     parser.add_argument("--page-disk", default="auto", help="as of trex render: where unpacked pages are kept")
     parser.add_argument("--model", help="a bundle that is there already, in place of --triangles")
+    parser.add_argument("--databases", default="local,central")
+    parser.add_argument("--round-robin", action="store_true", help="each job again, with pages in turn")
+    parser.add_argument("--max-memory", help="limit of each process, as of trex render")
     parser.add_argument("--by-machine", action="store_true", help="what each machine's time went into")
     parser.add_argument("--kill", help="folder of scripts/openmpi5: what a death costs")
     parser.add_argument("--window", action="store_true", help="a window and a server")
@@ -238,6 +294,7 @@ def main():
     if os.geteuid() != 0 or not os.access(CPU, os.W_OK) or not all(map(shutil.which, ("mpirun", "ip", "tc", "unshare"))):
         print("machines.py: skipped: needs root, mpirun, ip, tc, unshare and cgroups of version 1")
         return 77
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # what was made is removed then, too
     trex = os.path.abspath(a.trex)
     folder = tempfile.mkdtemp(prefix="trex-machines-")
     environment = {k: os.environ[k] for k in list(os.environ) if k.startswith(("OMPI_", "PMIX_"))}
@@ -258,48 +315,40 @@ def main():
         pages = json.loads(call(trex, "info", model, "--json").stdout)["mesh_pages"]
         cache = max(int(pages["memory_bytes"] * a.cache), pages["largest_page_bytes"] + 8192)
         print(f"{a.model or a.triangles + ' triangles'}, {os.path.getsize(model) / 1e6:.1f} MB; {a.size}, {a.spp} samples, --exact {a.exact}; each machine "
-              f"{a.share} of a core and {cache / 1e6:.1f} MB of pages")
+              f"{a.share} of a core and {f'{cache / 1e6:.1f} MB' if a.cache else f'what {a.max_memory} leave'} of pages")
         job = [model, "--size", a.size, "--spp", a.spp, "--exact", a.exact, "--device", "none", "--denoise", "off", "--threads", 1,
-               "--cache", cache, "--page-disk", a.page_disk, "--json"]
+               *(["--cache", cache] if a.cache else []), "--page-disk", a.page_disk, "--json"]
         if a.kill:
             kill_one(a, trex, folder, job)
             return 0
-        print("link      machines  database  seconds  speed-up  model sent  samples back  peak of others")
+        if a.max_memory:
+            job += ["--max-memory", a.max_memory]
+        print(HEAD)
         first = alone = None
         for megabits in a.megabits.split(","):
             for count in counts:
                 if count == 1 and alone:  # it has no use for links
                     continue
                 machines = Machines(count, megabits, a.share, folder)
-                for database in ("local", "central") if count > 1 else ("-",):
-                    reports, before = [], resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-                    for _ in range(a.runs):
-                        out = os.path.join(folder, "a.exr")
-                        reports.append(machines.run(trex, [*job, "-o", out, *(["--scene-db", database] if count > 1 else [])]))
-                        with open(out, "rb") as f:
-                            picture = f.read()
-                        first = first or picture
-                        if picture != first:
-                            sys.exit(f"{count} machines, {database}: another picture")
-                    seconds = statistics.median(r["render_seconds"] for r in reports)
-                    alone = alone or seconds
-                    rows = reports[-1].get("machines", [])
-                    used = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
-                    print(f"{megabits:>4} Mbit {count:9} {database:>9} {seconds:8.1f} {alone / seconds:8.2f}x "
-                          f"{sum(r['model_bytes_sent'] for r in rows) / 1e6:8.1f} MB "
-                          f"{reports[-1].get('machine_bytes_received', 0) / 1e6:10.1f} MB "
-                          f"{max([r['peak_resident_bytes'] for r in rows[1:]], default=0) / 1e6:12.0f} MB", flush=True)
-                    if a.by_machine and not rows:
-                        r = reports[-1]
-                        print(f"     {r['page_loads']} loads, {r['page_loads'] - r['page_loads_restored']} unpacked; {used:.1f} s of processors")
-                    for r in rows if a.by_machine else []:
-                        print(f"     machine {r['machine']}: {r['tile_samples']} tile samples in {r['tracing_seconds']:.1f} s "
-                              f"(waiting {r['waiting_thread_seconds']:.1f}, unpacking {r['unpacking_thread_seconds']:.1f}), "
-                              f"{r['page_loads']} loads, {r['page_loads'] - r['page_loads_restored']} unpacked; {r['photons']} photons, "
-                              f"{r['photon_seconds']:.1f} s; reading threads {r['reading_thread_seconds']:.1f}; {r['processor_seconds']:.1f} s of "
-                              "processors"
-                              + (f"; link {8e-6 * r['link_bytes_a_second']:.0f} Mbit/s, {1e3 * r['link_round_trip_seconds']:.1f} ms"
-                                 if r["link_bytes_a_second"] else ""), flush=True)
+                for database in a.databases.split(",") if count > 1 else ("-",):
+                    planned = None
+                    for order in ("plan", "round-robin") if a.round_robin and count > 1 else ("plan",):
+                        reports, before = [], resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+                        for _ in range(a.runs):
+                            out = os.path.join(folder, "a.exr")
+                            options = ["--scene-db", database, "--page-order", order] if count > 1 else []
+                            reports.append(machines.run(trex, [*job, "-o", out, *options]))
+                            with open(out, "rb") as f:
+                                picture = f.read()
+                            first = first or picture
+                            if picture != first:
+                                sys.exit(f"{count} machines, {database}: another picture")
+                        seconds = statistics.median(r["render_seconds"] for r in reports)
+                        alone, planned = alone or seconds, planned or seconds
+                        used = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
+                        tell(a, megabits, count, database, seconds, alone, reports[-1], used)
+                        if order != "plan":
+                            print(f"     that was with pages in turn: {seconds / planned:.2f} of the seconds as planned (bar 1.5)", flush=True)
                 machines.remove()
     finally:
         if machines:

@@ -2,7 +2,7 @@
 """Prints the picture-quality figures of the README: exact mode against references of another renderer,
 early quality, bias of the guess, consistency of the hybrid, what the filter does to the mean.
 
-    tests/bench/quality_bars.py [--trex build/trex] [--only early,first,filter,denoisers,bias,exact,consistent,auto,equal,error] [--scenes a,b]
+    tests/bench/quality_bars.py [--trex build/trex] [--only early,first,few,filter,denoisers,bias,exact,consistent,auto,equal,error] [--scenes a,b]
                                 [--against OTHER_TREX] [--runs 5] [--seconds 40] [--error 0.01] [--out FOLDER]
                                 [-- further options of trex render]
 
@@ -93,6 +93,30 @@ def first(run):
     means = [statistics.mean(every) for every in all_means]
     rows.append(("mean", *(f"{m:.3f}" for m in means), f"{means[-1] / means[0] - 1:+.0%}"))
     return ("scene", *(f"FLIP after 0.5 s, {b}" for b in builds), "change"), rows
+
+
+def few(run):
+    """FLIP after a few samples, of two builds in turn where there is another to compare with: means of the seeds."""
+    builds = [b for b in (run.options.against, run.options.trex) if b]
+    counts = ("1", "2", "4", "8")
+    rows, ratios = [], [[] for _ in counts]
+    for scene in run.options.scenes:
+        row = [scene]
+        for count, every in zip(counts, ratios):
+            scores = [[] for _ in builds]
+            for seed in range(run.options.runs):
+                for which, build in enumerate(builds):
+                    arguments = ["--exact", "0", "--spp", count, "--seed", str(seed)]
+                    picture, _ = run.render(scene, f"few-{which}", arguments, build)
+                    scores[which].append(run.score(scene, picture)["flip"])
+            means = [statistics.mean(s) for s in scores]
+            every.append(means[-1] / means[0])
+            row.append(" ".join(f"{m:.3f}" for m in means))
+        print(json.dumps({"scene": scene, "what": "few", "flip": row[1:]}), flush=True)
+        rows.append(row)
+    if len(builds) > 1:
+        rows.append(["new over other, geometric mean", *(f"{statistics.geometric_mean(every):.3f}" for every in ratios)])
+    return ("scene", *(f"FLIP after {c}: {', '.join(builds)}" for c in counts)), rows
 
 
 def filtered(run):
@@ -240,7 +264,7 @@ def consistent(run):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trex", default=os.path.join(ROOT, "build/trex"))
-    parser.add_argument("--against", help="another build, for `first`")
+    parser.add_argument("--against", help="another build, for `first` and `few`")
     parser.add_argument("--only", default="early,bias,exact,consistent")
     parser.add_argument("--scenes", default=",".join(SCENES))
     parser.add_argument("--runs", type=int, default=5)
@@ -252,7 +276,7 @@ def main():
     options.scenes = options.scenes.split(",")
     run = Runner(options)
     for name in options.only.split(","):
-        measures = {"early": early, "first": first, "filter": filtered, "denoisers": denoisers, "bias": bias, "exact": exact,
+        measures = {"early": early, "first": first, "few": few, "filter": filtered, "denoisers": denoisers, "bias": bias, "exact": exact,
                     "consistent": consistent, "auto": auto, "equal": equal, "error": error}
         header, rows = measures[name](run)
         print(f"\n| {' | '.join(header)} |\n|{'---|' * len(header)}")

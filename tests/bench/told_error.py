@@ -4,8 +4,9 @@
     tests/bench/told_error.py [MODEL or synth:... or name ...] [--trex build/trex] [--error 0.01] [--seeds 3] [--truth 1024]
                               [--size 128x128] [--most 256] [--out build/told] [-- options of trex render, but of the truth]
 
-Names are those of hard_scenes.py, and: small-lamp, a room under a lamp of 2 cm; back-room, one that is lit through a gap; shiny,
-a room of glossy walls. Without any: these three, glossy, lamps and foliage. The truth is the exact mode's, as in hard_scenes.py, in two
+Names are those of hard_scenes.py, and: small-lamp, a room under a lamp of 2 cm; back-room, one that is lit through a gap; two-gaps,
+through two of them; window, by a spot outside of a small one; globe, by a lamp in a ball of glass; shiny, a room of glossy walls.
+Without any: these, caustics, glossy, lamps and foliage. The truth is the exact mode's, as in hard_scenes.py, in two
 halves, so that its noise does not count; weights are those of it denoised (Open Image Denoise). Each seed renders until the estimate is --error, or --most samples. Prints a table; the
 last column is the largest and the least ratio of true over estimate.
 """
@@ -40,6 +41,51 @@ def back_room(glb):
     glb.camera("camera", (1.2, 1.4, 1.9), (0.3, 0.9, -0.8), math.radians(65), 1.0)
 
 
+def two_gaps(glb):
+    """A lamp two walls away, each of which leaves a gap of 40 cm."""
+    walls = colored_walls(glb)
+    room(glb, (6, 2.6, 4), walls)
+    lamp_of = glb.material("lamp", (0.0, 0.0, 0.0), emission=(240.0, 230.0, 210.0), double_sided=False)
+    glb.object("lamp", Shape().quad((-2.7, 2.4, 0.4), (-2.7, 2.4, 0.0), (-2.3, 2.4, 0.0), (-2.3, 2.4, 0.4)), lamp_of)
+    glb.object("first", Shape().box((-1.6, 0.0, -2.0), (-1.5, 2.6, 1.6)), walls[3])
+    glb.object("second", Shape().box((-0.2, 0.0, -1.6), (-0.1, 2.6, 2.0)), walls[3])
+    glb.object("block", Shape().box((1.0, 0.01, -1.4), (1.7, 1.2, -0.7)), walls[1])
+    glb.camera("camera", (2.6, 1.4, 1.7), (0.8, 0.9, -0.8), math.radians(65), 1.0)
+
+
+def window(glb):
+    """A spot that shines through a window of 30 cm."""
+    walls = colored_walls(glb)
+    room(glb, (4, 2.6, 4), walls, openings=("back",))
+    h, y0, y1 = 0.15, 1.5, 1.8
+    for x0, x1, low, high in ((-2, -h, 0, 2.6), (h, 2, 0, 2.6), (-h, h, 0, y0), (-h, h, y1, 2.6)):
+        glb.object("back", Shape().box((x0, low, -2.1), (x1, high, -2.0)), walls[2])
+    glb.doc["extensions"] = {"KHR_lights_punctual": {"lights": [
+        {"type": "spot", "color": [1.0, 0.95, 0.85], "intensity": 900.0, "spot": {"innerConeAngle": 0.1, "outerConeAngle": 0.25}}]}}
+    glb.extensions.add("KHR_lights_punctual")
+    tilt = -math.atan2(1.0, 3.0) / 2  # down, into the room: a spot shines along -z, here turned about
+    turn = (0.0, 1.0, 0.0, 0.0)
+    lean = (math.sin(tilt), 0.0, 0.0, math.cos(tilt))
+    a, b = turn, lean
+    rotation = [a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1], a[3] * b[1] - a[0] * b[2] + a[1] * b[3] + a[2] * b[0],
+                a[3] * b[2] + a[0] * b[1] - a[1] * b[0] + a[2] * b[3], a[3] * b[3] - a[0] * b[0] - a[1] * b[1] - a[2] * b[2]]
+    glb.node("spot", translation=[0.0, 2.65, -5.0], rotation=rotation, extensions={"KHR_lights_punctual": {"light": 0}})
+    glb.object("ball", sphere(0.45, 24, 48), glb.material("ball", (0.8, 0.8, 0.8)), translation=[0.9, 0.46, -0.6])
+    glb.camera("camera", (1.4, 1.4, 1.9), (-0.3, 0.8, -0.8), math.radians(65), 1.0)
+
+
+def globe(glb):
+    """A lamp of 8 cm in a ball of clear glass: no light sampling passes what bends."""
+    room(glb, (3, 2.4, 3), colored_walls(glb))
+    glow = glb.material("lamp", (0.0, 0.0, 0.0), emission=(320.0, 300.0, 270.0), double_sided=False)
+    glb.object("lamp", sphere(0.04, 12, 24), glow, translation=[0.0, 1.9, 0.0])
+    clear = glb.material("glass", (1, 1, 1), roughness=0.0, specular=1.0, double_sided=False,
+                         glass={"ior": 1.5, "thickness": 1.0, "color": [1, 1, 1], "distance": 10.0})
+    glb.object("globe", sphere(0.12, 32, 64), clear, translation=[0.0, 1.9, 0.0])
+    glb.object("block", Shape().box((-0.9, 0.01, -0.9), (-0.3, 1.1, -0.4)), glb.material("block", (0.7, 0.7, 0.7)))
+    glb.camera("camera", (0.2, 1.3, 1.45), (-0.1, 0.8, -0.3), math.radians(65), 1.0)
+
+
 def shiny(glb):
     """Walls that send most of their light on in broad lobes."""
     colors = ((0.8, 0.3, 0.3), (0.3, 0.7, 0.3), (0.7, 0.7, 0.8), (0.75, 0.75, 0.75))
@@ -50,8 +96,8 @@ def shiny(glb):
     glb.camera("camera", (0.2, 1.3, 1.45), (-0.1, 0.7, -0.3), math.radians(65), 1.0)
 
 
-OWN = {"small-lamp": small_lamp, "back-room": back_room, "shiny": shiny}
-SCENES = (*OWN, "glossy", "lamps", "foliage")
+OWN = {"small-lamp": small_lamp, "back-room": back_room, "two-gaps": two_gaps, "window": window, "globe": globe, "shiny": shiny}
+SCENES = (*OWN, "caustics", "glossy", "lamps", "foliage")
 
 
 def file_of(model, options):

@@ -1,6 +1,7 @@
 // Any bytes as a message of another machine: what is accepted says the same again when it is
 // written. The input is what samples hold (u8), how many (u8), the message. The mutator repairs the
 // head, else nothing would get past it.
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <vector>
@@ -43,9 +44,21 @@ void readPhotons(const M& some) {
   require(!parts.add(some.first, some.end, some.photons));
   const trex::ShotPhotons all = parts.joined();
   require(all.records.size() == some.photons.records.size());
+  require(all.turns == some.photons.turns);
   for (const trex::shaderio::PhotonRecord& r : all.records) {
     const std::uint64_t number = r.index & (trex::shaderio::kPhotonNumbers - 1);
     require(number >= some.first && number < some.end);
+  }
+}
+
+/// Every page has a home, whatever is said of weights.
+void readHomes(const Homes& homes) {
+  for (const std::uint64_t offset : {std::uint64_t{0}, std::uint64_t{65536}, ~std::uint64_t{0}}) {
+    const std::uint32_t home = homeOf(offset, homes.machines);
+    require(homes.machines.empty()
+                ? home == 0
+                : std::any_of(homes.machines.begin(), homes.machines.end(),
+                              [&](const PageHome& h) { return h.machine == home; }));
   }
 }
 
@@ -134,11 +147,15 @@ void read(ByteView message, std::uint32_t contents, std::size_t count) {
     case Kind::kLink:
       readAndWrite<LinkFound>(message, body);
       break;
+    case Kind::kHomes:
+      readHomes(readAndWrite<Homes>(message, body));
+      break;
     case Kind::kPong:
     case Kind::kBye:
     case Kind::kRest:
     case Kind::kPing:
     case Kind::kStop:
+    case Kind::kEnd:
       break;
   }
 }

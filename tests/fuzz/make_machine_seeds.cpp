@@ -38,7 +38,7 @@ int main(int argc, char** argv) {
   write("hello_model", Hello{"0.1.0", "host", 1, 2, 3, "/models/a.trex", 123456, 77});
   write("welcome", Welcome{0, 1, {5, 0, 7, 0}});
   write("welcome_elsewhere", Welcome{0, 1, {5, 0}, 1, 2, "/models/a.trex"});
-  write("ready", Ready{5});
+  write("ready", Ready{5, 1});
   write("view", SetView{1});
   write("set", ViewSet{1, "none"});
   write("light", LightComes{1, 4096});
@@ -50,6 +50,7 @@ int main(int argc, char** argv) {
   trex::ShotPhotons photons;
   photons.records = {{glm::vec3(1.0f), 7, glm::vec3(2.0f), 300},
                      {glm::vec3(3.0f), 8, glm::vec3(0.5f), 301}};
+  photons.turns = {0, 3};
   photons.lessons = {{glm::vec4(0.5f), 1.0f, 2.0f, 0}};
   write("at_photons", AtPhotons{1, 256, 512});
   write("shoot", ShootPhotons{1, 2, 256, 256, 512});
@@ -60,7 +61,9 @@ int main(int argc, char** argv) {
   write("probe", Probe{1, Bytes(16)});
   write("probed", Probed{1});
   write("link", LinkFound{1e-4, 1.25e8});
+  write("homes", Homes{{{1, kWholeWeight}, {3, kWholeWeight / 2}}});
   write("stop", Stop{});
+  write("end", End{});
   write("lit", Lit{1, 4096});
   write("serve", Serve{640, 360, trex::machines::joinArguments({"a.trex", "--spp", "4"})});
   write("edit", Edit{1, 640, 360, R"({"trex": 1, "edits_of": ""})"});

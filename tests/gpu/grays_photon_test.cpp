@@ -117,6 +117,24 @@ TEST(Photons, SumsHaveEqualBitsOnEveryRun) {
   EXPECT_TRUE(sameBits(first, again->light()));
 }
 
+TEST(Photons, WhatWasPreparedBeforeGivesTheSameLight) {
+  const asvo::Tree tree = test::buildTree(test::furnishedRoom(), 6);
+  const auto records = test::pointLight(tree, {2.0f, 2.7f, 1.8f}, 100.0f, 20'000);
+  for (const char* kind : {"cpu", "device", "staged"}) {
+    const auto late = test::makeTracer(kind, tree), prepared = test::makeTracer(kind, tree);
+    const auto expected = lightOf(*late, records, 1e-9);
+    EXPECT_GT(totalFlux(tree, expected), 0.0);
+    prepared->prepare();
+    prepared->resetFlux();
+    EXPECT_TRUE(sameBits(expected, lightOf(*prepared, records, 1e-9))) << kind;
+    prepared->prepare();  // again, when there is flux: nothing is forgotten
+    prepared->resolveLight(records.size());
+    EXPECT_TRUE(sameBits(expected, prepared->light())) << kind;
+    prepared->resetFlux();
+    EXPECT_TRUE(sameBits(expected, lightOf(*prepared, records, 1e-9))) << kind;
+  }
+}
+
 TEST(Photons, CpuSumsDoNotDependOnThreads) {
   const asvo::Tree tree = test::buildTree(test::furnishedRoom(), 6);
   const auto records = test::pointLight(tree, {2.0f, 2.7f, 1.8f}, 100.0f, 20'000);

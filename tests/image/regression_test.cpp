@@ -124,6 +124,40 @@ TEST(FewBounces, FurnaceIsItsPartialSum) {
 
 INSTANTIATE_TEST_SUITE_P(Albedos, Furnace, testing::Values(0.5f, 0.9f));
 
+/// And whatever the number, where voxels are so coarse that most paths turn two times and more
+/// before cached light ends them: what they read has turned as often as is left to them.
+TEST(FewBounces, CachedLightHasThoseThatAreLeft) {
+  constexpr int kCoarse = 3;  // leaves of a quarter of a metre in a box of two
+  constexpr double kAlbedo = 0.9;
+  Scene scene = normalisedFurnace(static_cast<float>(kAlbedo));
+  for (const std::uint32_t most : {1u, 2u, 3u, 4u, 5u, 8u, 16u}) {
+    scene.maxBounces = most;
+    const double right = 1.0 - std::pow(kAlbedo, most + 1.0);
+    for (GuessKind guess : kGuesses) {
+      RenderSettings settings = guessSettings(64, 64, guess);
+      settings.photons = 1u << 19;
+      const double error = render(scene, settings, kCoarse).total.x / right - 1.0;
+      constexpr double kLimit = 0.003;
+      report(fmt::format("furnace of {} bounces {}, error", most, nameOf(guess)), error, kLimit);
+      EXPECT_NEAR(error, 0.0, kLimit) << most << ' ' << nameOf(guess);
+    }
+  }
+}
+
+/// Between walls that take next to nothing photons turn as often as paths do.
+TEST(FewBounces, WhiteFurnaceKeepsItsLight) {
+  constexpr float kAlbedo = 0.97f;
+  const Scene scene = normalisedFurnace(kAlbedo);
+  for (GuessKind guess : kGuesses) {
+    RenderSettings settings = guessSettings(48, 16, guess);
+    settings.photons = 1u << 17;
+    const double error = render(scene, settings).total.x - 1.0;
+    const double limit = guess == GuessKind::kRay ? 0.005 : 0.015;
+    report(fmt::format("furnace {} {}, error", kAlbedo, nameOf(guess)), error, limit);
+    EXPECT_NEAR(error, 0.0, limit);
+  }
+}
+
 // --- Two rooms and a slit
 
 TEST(Slit, DarkRoomIsAsBrightAsInTheReference) {

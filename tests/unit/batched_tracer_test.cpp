@@ -292,7 +292,7 @@ TEST(BatchedTracer, ASlowDiskIsReadAhead) {
     const LightSet lights(model.scene, *model.rays);
     const CameraRays camera(model.scene.cameras.front(), dvec3(0.0), kSide, kSide);
     const PathTracer tracer(model.scene, *model.rays, lights, camera, GuessOptions{}, 5);
-    LoadChoice choice(model.mesh().table(), predict);
+    LoadChoice choice(model.mesh().table(), predict ? LoadOrder::kPlan : LoadOrder::kWaiting);
     BatchedTracer batched(tracer, *model.rays, choice);
     const std::vector<PathJob> all = jobs();
     std::vector<PathSample> samples(all.size());

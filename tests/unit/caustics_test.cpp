@@ -70,14 +70,19 @@ double fromPoint(double x, double z, double lx, double ly) {
   return ly / (d2 * std::sqrt(d2));
 }
 
-TEST(Caustics, AMirrorShowsAnImageOfTheLight) {
-  Scene scene = floorFrom(0.5f, 0.3f, 0.4f);
+/// A wall at x = -1.
+void placeMirror(Scene& scene) {
   scene.materials.push_back(mirror());
   Mesh wall;
   wall.material = 1;
   wall.positions = {vec3(-1, 0, -4), vec3(-1, 0, 4), vec3(-1, 4, 4), vec3(-1, 4, -4)};
   wall.triangles = {{0, 2, 1}, {0, 3, 2}};
   test::place(scene, wall);
+}
+
+TEST(Caustics, AMirrorShowsAnImageOfTheLight) {
+  Scene scene = floorFrom(0.5f, 0.3f, 0.4f);
+  placeMirror(scene);
   scene.lights = {test::pointLight(dvec3(0.0, 1.0, 0.0), 5.0f)};
   double direct = 0.0, image = 0.0;
   for (int i = 0; i < 400; ++i) {
@@ -86,6 +91,24 @@ TEST(Caustics, AMirrorShowsAnImageOfTheLight) {
     image += 5.0 * fromPoint(x, z, -2.0, 1.0) / 400.0;
   }
   EXPECT_NEAR((irradiance(scene, 32).x - direct) / image, 1.0, 0.03);
+}
+
+/// Turns of the light and of the eye's ray count together: seen straight, the image's light has
+/// turned two times, seen by the mirror three times.
+TEST(Caustics, TheirTurnsCount) {
+  Scene scene = floorFrom(0.5f, 0.0f, 0.02f);
+  placeMirror(scene);
+  scene.lights = {test::pointLight(dvec3(0.0, 1.0, 0.0), 5.0f)};
+  const double direct = 5.0 * fromPoint(0.0, 0.0, 0.0, 1.0),
+               image = 5.0 * fromPoint(0.0, 0.0, -2.0, 1.0);
+  for (const std::uint32_t mirrors : {0u, 1u}) {
+    if (mirrors > 0) scene.cameras = {test::lookAt(dvec3(0, 0.5, 0), dvec3(-1, 0.25, 0), 0.02f)};
+    for (std::uint32_t most = 0; most <= 3; ++most) {
+      scene.maxBounces = most;
+      const double right = most < 1 + mirrors ? 0.0 : most == 1 + mirrors ? direct : direct + image;
+      EXPECT_NEAR(irradiance(scene, 16).x, right, 0.2 * image) << mirrors << ' ' << most;
+    }
+  }
 }
 
 /// What is reflected to and fro inside a pane is bent, what passes is not: together (1 - R) / (1 +
@@ -292,7 +315,7 @@ double taken(const Scene& scene, const Points& points, bool blurred) {
   std::vector<CausticPhoton> photons;
   for (std::uint32_t i = 0; i < kCount; ++i) {
     photons.push_back(
-        {points(Sampler(7, i, 0).next2D()), up, up, vec3(1.0f / kCount), blurred, kInfinity});
+        {points(Sampler(7, i, 0).next2D()), up, up, vec3(1.0f / kCount), blurred, 2, kInfinity});
   }
   const CausticWidths widths(photons, 1.0f, 1e9);  // the widest: 0.1 m
   const CausticMap map(scene, photons, widths, 1.0f, WalkTracer(rays));
@@ -387,7 +410,7 @@ TEST(Caustics, WidthsThatAreNotNearBringNothing) {
   for (std::uint32_t i = 0; i < 4096; ++i) {
     const vec2 u = Sampler(11, i, 0).next2D();
     photons.push_back({vec3(std::pow(u.x, 4.0f), 0.0f, std::pow(u.y, 4.0f)), up, up,
-                       vec3(1.0f / 4096.0f), false, kInfinity});
+                       vec3(1.0f / 4096.0f), false, 2, kInfinity});
   }
   const CausticWidths widths(photons, 4.0f, 16.0);
   const CausticMap map(scene, photons, widths, 0.8f, WalkTracer(rays));

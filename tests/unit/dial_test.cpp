@@ -164,7 +164,7 @@ Corrected correct(const FrameBuffers& frame) {
     out.mean += value / (kSide * kSide);
     out.square += value * value / (kSide * kSide);
   }
-  out.left = correction.left().square();
+  out.left = correction.left().square(0.0, 0.0);
   return out;
 }
 

@@ -22,11 +22,11 @@ struct NoFile : hccm::PageFile {
 /// Rays that wait for pages of which none is there, and who chooses.
 struct Waiting {
   static constexpr std::uint32_t kAPage = 1000;  ///< rays, at most
-  explicit Waiting(std::uint32_t pages, bool predict = false)
+  explicit Waiting(std::uint32_t pages, LoadOrder order = LoadOrder::kWaiting)
       : table(tableOf(pages)),
         cache(file, table, hccm::PageCache::leastBytes(table)),
         queues(pages, std::size_t{4} * pages + 20 * kAPage),
-        choice(table, predict) {
+        choice(table, order) {
     choice.begin(cache, queues, nullptr);
   }
   static hccm::PageTable tableOf(std::uint32_t pages) {
@@ -118,7 +118,7 @@ TEST(LoadChoice, ARayThatComesAgainIsServedAgain) {
 }
 
 TEST(LoadChoice, RaysThatAreExpectedAreThoseThatCameOfWhatWaits) {
-  Waiting w(256, true);  // blocks of two pages
+  Waiting w(256, LoadOrder::kPlan);  // blocks of two pages
   // Of 100 rays of page 0 half went on to page 10.
   w.wait(0, 100);
   w.say();
@@ -139,6 +139,28 @@ TEST(LoadChoice, RaysThatAreExpectedAreThoseThatCameOfWhatWaits) {
   ASSERT_EQ(w.choice.next(), 0u);
   EXPECT_NEAR(w.choice.expected(10), 30.0, 1e-9);
   EXPECT_EQ(w.choice.expected(100), 0.0);
+}
+
+/// Blocks go round: each gets all its pages before the next does, however many rays wait elsewhere.
+TEST(LoadChoice, InTurnBlocksGoRound) {
+  constexpr std::uint32_t kPages = 256;  // blocks of two
+  Waiting w(kPages, LoadOrder::kInTurn);
+  for (std::uint32_t p = 0; p < kPages; ++p) w.wait(p, 1 + p % 3);
+  w.say();
+  std::uint32_t page = 0;
+  for (std::uint32_t p = 0; p < 100; ++p) {
+    ASSERT_GT(w.serve(page), 0u);
+    ASSERT_EQ(page, p);
+  }
+  w.wait(3, Waiting::kAPage);  // its turn is over
+  w.say();
+  for (std::uint32_t p = 100; p < kPages; ++p) {
+    ASSERT_GT(w.serve(page), 0u);
+    ASSERT_EQ(page, p);
+  }
+  EXPECT_EQ(w.serve(page), Waiting::kAPage);
+  EXPECT_EQ(page, 3u);
+  EXPECT_EQ(w.serve(page), 0u);
 }
 
 }  // namespace

@@ -89,7 +89,8 @@ TEST(RemoteFiles, TakeAnswersOfWhoWasAskedAlone) {
   asked.files.hear(2, part);
   reads.join();
   EXPECT_EQ(bytes, part.bytes);
-  EXPECT_THROW(asked.files.hear(2, part), MessageError);
+  asked.files.hear(2, part);  // it comes twice
+  EXPECT_EQ(bytes, part.bytes);
   EXPECT_EQ(asked.files.outstanding(), 0u);
 }
 

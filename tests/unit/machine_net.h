@@ -34,7 +34,8 @@ class Net {
     if (mute_[from] || mute_[to]) return;
     ByteView body;
     const Kind kind = openMessage(message, body);
-    const bool may = kind == Kind::kResult || kind == Kind::kShot || kind == Kind::kPhotons;
+    const bool may = kind == Kind::kResult || kind == Kind::kShot || kind == Kind::kPhotons ||
+                     kind == Kind::kFetch || kind == Kind::kPart;
     const bool twice = may && random_() % 3 == 0;
     for (int i = 0; i < 1 + twice; ++i) boxes_[to][from].push_back(message);
     if (from == muteAfter_ && kind == muteKind_) mute_[from] = true;

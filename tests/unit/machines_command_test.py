@@ -224,6 +224,31 @@ class Machines(ProgramTest):
         self.together(2, "-o", self.path("a.exr"), "--size", "64x48", "--spp", 400, "--exact", 1, "--camera",
                       "0,0,-1e6/0,0,-2e6/0,1,0/40", "--json", model="b.trex", folders=[full, empty])
 
+    def paged(self, triangles="2e5"):
+        """A bundle, and a cache that few of its pages fit in."""
+        bundle = self.path("p.trex")
+        self.trex("bake", f"synth:assembly?triangles={triangles}&seed=3", "-o", bundle, "--stream")
+        pages = json.loads(self.trex("info", bundle, "--json"))["mesh_pages"]
+        return bundle, max(int(pages["memory_bytes"] * 0.1), pages["largest_page_bytes"] + 8192)
+
+    def test_pages_are_passed_on_by_whoever_has_them(self):
+        if not has_mpi():
+            self.skipTest("no mpirun, or a build without MPI")
+        bundle, few = self.paged()
+        job = ["--size", "64x48", "--spp", 16, "--exact", 1, "--cache", few, "--ray-memory", "1M"]
+        self.alone("-o", self.path("alone.exr"), *job, model=bundle)
+        for order in ("plan", "round-robin"):
+            p = self.together(4, "-o", self.path("a.exr"), *job, "--page-order", order, "--json", model=bundle)
+            self.assertEqual(self.read("a.exr"), self.read("alone.exr"), order)
+            rows = json.loads(p.stdout)["machines"]
+            got, passed, planned = (sum(r[f"page_bytes_{key}"] for r in rows) for key in ("received", "passed_on", "planned"))
+            self.assertGreater(planned, 0)
+            self.assertGreater(passed, 0.3 * got, rows)  # two thirds, if all want all
+            self.assertGreaterEqual(got, planned)
+        p = self.together(4, "-o", self.path("a.exr"), *job, "--page-disk", "off", "--json", model=bundle)
+        self.assertEqual(self.read("a.exr"), self.read("alone.exr"))
+        self.assertEqual(sum(r["page_bytes_passed_on"] for r in json.loads(p.stdout)["machines"]), 0)
+
     # ---- what goes wrong ----
 
     def test_an_interrupt_saves_picture_and_checkpoint(self):
@@ -262,7 +287,7 @@ class Machines(ProgramTest):
 
     # ---- with Open MPI 5 ----
 
-    def start5(self, processes, *arguments):
+    def start5(self, processes, *arguments, model=None):
         """By the Open MPI 5 of scripts/openmpi5, which lets others outlive a process."""
         folder = os.environ.get("TREX_OPENMPI5")
         if not has_mpi() or not folder:
@@ -270,7 +295,7 @@ class Machines(ProgramTest):
         mpirun = os.path.join(folder, "bin", "mpirun")
         libraries = os.path.join(folder, "lib")
         command = [mpirun, "--with-ft", "ulfm", "--allow-run-as-root", "--bind-to", "none", "--map-by", ":OVERSUBSCRIBE", "-n",
-                   str(processes), program._trex, "render", self.cornell, "--device", "none", "--threads", "1"]
+                   str(processes), program._trex, "render", model or self.cornell, "--device", "none", "--threads", "1"]
         p = subprocess.Popen([*command, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                              env={**self.environment, "LD_LIBRARY_PATH": libraries})
         self.addCleanup(self.end, p)
@@ -293,6 +318,24 @@ class Machines(ProgramTest):
                 self.alone("-o", self.path("whole.exr"), *job)
                 self.assertEqual(self.read("a.exr"), self.read("whole.exr"))
                 os.remove(state)
+
+    def test_pages_of_a_killed_process_come_from_others(self):
+        bundle, few = self.paged()
+        out, state = self.path("a.exr"), self.path("state")
+        # Nothing is kept unpacked: pages travel all the time.
+        job = ["--size", "64x48", "--exact", 1, "--cache", few, "--ray-memory", "1M", "--page-disk", "2M"]
+        p = self.start5(4, "-o", out, *job, "--time", 5, "--json", "--checkpoint", state, "--checkpoint-seconds", 0.2, model=bundle)
+        self.wait_for(state, p)
+        time.sleep(0.5)
+        os.kill(self.ranks(p)[1], signal.SIGKILL)
+        stdout, said = p.communicate(timeout=100)
+        self.assertEqual(p.returncode, 0, said)
+        self.assertIn("has ended", said)
+        report = json.loads(stdout)
+        self.assertGreater(sum(r["page_bytes_passed_on"] for r in report["machines"][2:]), 0)
+        self.alone("-o", self.path("whole.exr"), *job, "--spp", report["samples"], model=bundle)
+        same = program.run("diff", out, self.path("whole.exr"), "--max", 0)
+        self.assertEqual(same.returncode, 0, same.stdout)
 
     def test_open_mpi_5_ends_as_4_does_where_nobody_dies(self):
         p = self.start5(3, "-o", self.path("a.exr"), "--size", "32x32", "--spp", 20, "--exact", 0.5)
@@ -317,6 +360,23 @@ class Machines(ProgramTest):
         report = json.loads(stdout)
         self.assertGreater(report["jobs_given_out_again"], 0)
         self.alone("-o", self.path("whole.exr"), *job, "--spp", report["samples"])
+        same = program.run("diff", out, self.path("whole.exr"), "--max", 0)
+        self.assertEqual(same.returncode, 0, same.stdout)
+
+    def test_pages_of_a_stopped_process_come_from_machine_0(self):
+        if not has_mpi():
+            self.skipTest("no mpirun, or a build without MPI")
+        bundle, few = self.paged()
+        out, state = self.path("a.exr"), self.path("state")
+        job = ["--size", "64x48", "--exact", 1, "--cache", few, "--ray-memory", "1M", "--page-disk", "4M"]
+        p = self.start(4, "-o", out, *job, "--time", 10, "--json", "--checkpoint", state, "--checkpoint-seconds", 0.2, model=bundle)
+        self.wait_for(state, p)
+        os.kill(self.ranks(p)[1], signal.SIGSTOP)
+        stdout, said = p.communicate(timeout=120)
+        self.assertIn("machine 1", said)
+        report = json.loads(stdout)
+        self.assertGreater(sum(r["page_bytes_passed_on"] for r in report["machines"]), 0)
+        self.alone("-o", self.path("whole.exr"), *job, "--spp", report["samples"], model=bundle)
         same = program.run("diff", out, self.path("whole.exr"), "--max", 0)
         self.assertEqual(same.returncode, 0, same.stdout)
 

@@ -82,6 +82,19 @@ TEST(Oidn, FailuresOfARunAreErrors) {
   }
 }
 
+TEST(Oidn, GoesOnAfterAFailure) {
+  const std::vector<vec3> grey(128 * 128, vec3(0.5f)), white(32 * 64, vec3(1.0f));
+  const Setting well("FAKE_OIDN", nullptr);
+  const Oidn library(TREX_FAKE_OIDN);
+  library.prepare(128, 128, true, OidnQuality::kHigh);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_EQ(library.denoise({128, 128}, grey, OidnQuality::kHigh), grey);
+    EXPECT_EQ(library.denoise({32, 64}, white, OidnQuality::kHigh), white);
+    const Setting tired("FAKE_OIDN", "tired");
+    EXPECT_THROW(library.denoise({128, 128}, grey, OidnQuality::kHigh), Error);
+  }
+}
+
 TEST(Oidn, WhatComesOutIsFinite) {
   const Setting fake("FAKE_OIDN", "nan");
   const Oidn library(TREX_FAKE_OIDN);
@@ -175,6 +188,37 @@ TEST_F(RealOidn, TakesNoiseAndKeepsEdgesTexturesAndTheMean) {
     const auto out = denoiseLight(library(), walls.guides, {noisy}, thorough);
     EXPECT_LT(meanSquare(out, walls.truth), 0.05 * meanSquare(noisy, walls.truth));
     EXPECT_NEAR(meanOf(out) / meanOf(noisy), 1.0, 1e-5);
+  }
+}
+
+/// More pictures than are kept ready, by turns, and with other guides: each as by itself.
+TEST_F(RealOidn, PicturesBeforeChangeNothing) {
+  struct Job {
+    std::uint32_t width, height;
+    bool albedo, smooth;
+    OidnQuality quality;
+  };
+  constexpr OidnQuality kBalanced = OidnQuality::kBalanced, kHigh = OidnQuality::kHigh;
+  const Job jobs[] = {{64, 48, true, false, kBalanced},  {64, 48, true, true, kHigh},
+                      {48, 64, true, true, kHigh},       {64, 48, false, false, kHigh},
+                      {64, 48, true, true, kBalanced},   {20, 20, true, false, kBalanced},
+                      {400, 400, true, false, kBalanced}};
+  const auto run = [](const Oidn& library, const Job& job) {
+    const std::size_t count = std::size_t{job.width} * job.height;
+    OidnGuides guides{job.width, job.height};
+    std::mt19937 random(job.width);
+    std::exponential_distribution<float> factor(1.0f);
+    std::vector<vec3> light(count);
+    for (vec3& v : light) v = vec3(factor(random), factor(random), 1.0f);
+    if (job.albedo) guides.albedo.assign(count, vec3(0.5f));
+    if (job.albedo) guides.normal.assign(count, vec3(0, 0, 1));
+    guides.smooth = job.smooth;
+    return library.denoise(guides, light, job.quality);
+  };
+  const Oidn many(library().file());
+  prepareLight(many, 64, 48);
+  for (int round = 0; round < 2; ++round) {
+    for (const Job& job : jobs) EXPECT_EQ(run(many, job), run(Oidn(library().file()), job));
   }
 }
 

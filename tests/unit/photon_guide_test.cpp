@@ -215,6 +215,38 @@ TEST(PhotonGuide, DensityIsNormalised) {
   }
 }
 
+/// Photons pass a small window in a large model and land in the white room behind it many times: no
+/// part of the window may be lit by nothing but the uniform share, one photon of which carries what
+/// hundreds of others do.
+TEST(PhotonGuide, PhotonsThatLandOftenLeaveNoHoles) {
+  constexpr float kWindow = 0.01f;
+  constexpr int kEach = 1 << 13, kTimes = 24;
+  EmissionGuide guide(2);
+  Sampler sampler(7, 0, 13);
+  const auto wanted = [](const vec4& p) {
+    return std::max(std::abs(p.x - 0.503f), std::abs(p.y - 0.707f)) < 0.5f * kWindow;
+  };
+  for (int i = 0; i < 1000; ++i) {
+    const vec2 a = sampler.next2D();
+    guide.hint(vec4(0.503f + kWindow * (a.x - 0.5f), 0.707f + kWindow * (a.y - 0.5f), 0, 0), 1.0f);
+  }
+  guide.update();
+  double area = 0.0;
+  for (int batch = 0; batch <= kTimes; ++batch) {
+    const bool last = batch == kTimes;
+    const int count = last ? 1 << 18 : kEach;
+    for (int i = 0; i < count; ++i) {
+      vec4 p(sampler.next2D(), 0.0f, 0.0f);
+      const float density = guide.warp(sampler.next1D(), p);
+      if (!wanted(p)) continue;
+      if (last && density > 1.0f) area += 1.0 / static_cast<double>(density) / count;
+      for (int bounce = 0; !last && bounce < 6; ++bounce) guide.learn(p, density, 1.0f);
+    }
+    guide.update();
+  }
+  EXPECT_NEAR(area / (kWindow * kWindow), 1.0, 0.01);
+}
+
 TEST(PhotonGuide, KnowingNothingIsUniform) {
   EmissionGuide guide(4);
   const vec4 start(0.1f, 0.7f, 0.3f, 0.9f);
@@ -231,7 +263,7 @@ TEST(PhotonGuide, KnowingNothingIsUniform) {
 /// All points equal: boxes shrink to a smallest size and the density stays finite.
 TEST(PhotonGuide, OnePointForAll) {
   EmissionGuide guide(4);
-  for (int i = 0; i < 10000; ++i) guide.learn(vec4(0.5f), 1.0f, 1.0f);
+  for (int i = 0; i < 10000; ++i) guide.hint(vec4(0.5f), 1.0f);
   guide.update();
   vec4 p(0.25f);
   const float density = guide.warp(0.5f, p);

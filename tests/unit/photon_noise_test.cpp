@@ -10,6 +10,7 @@
 #include <filesystem>
 #include <random>
 
+#include "src/session/block_products.h"
 #include "src/session/checkpoint.h"
 #include "src/session/measured_correction.h"
 #include "src/session/session.h"
@@ -190,17 +191,69 @@ TEST(PhotonNoiseSession, WhatIsToldIsHowFarSeedsDiffer) {
 /// What is known counts without pairs; what they say beyond it as far as it stands out.
 TEST(BiasLeft, HoldsWhatIsKnown) {
   BiasLeft nothing{{0.0, 0.5}, 0.0, 0.0};
-  EXPECT_EQ(nothing.square(), 0.0);
-  EXPECT_EQ(nothing.square(0.01), 0.01);
+  EXPECT_EQ(nothing.square(0.0, 0.0), 0.0);
+  EXPECT_EQ(nothing.square(0.01, 0.0), 0.01);
   nothing.even.square = -0.7;  // noise
-  EXPECT_EQ(nothing.square(0.01), 0.01);
+  EXPECT_EQ(nothing.square(0.01, 0.0), 0.01);
   const BiasLeft known{{0.02, 1e-6}, 0.0, 0.0}, less{{0.004, 1e-6}, 0.0, 0.0};
-  EXPECT_NEAR(known.square(), 0.02, 1e-5);
-  EXPECT_NEAR(known.square(0.01), 0.02, 1e-5);
-  EXPECT_NEAR(less.square(0.01), 0.004, 1e-5);
+  EXPECT_NEAR(known.square(0.0, 0.0), 0.02, 1e-5);
+  EXPECT_NEAR(known.square(0.01, 0.0), 0.02, 1e-5);
+  EXPECT_NEAR(less.square(0.01, 0.0), 0.004, 1e-5);
   const BiasLeft corrected{{0.02, 1e-6}, 0.001, 0.015};
-  EXPECT_NEAR(corrected.square(), 0.006, 1e-5);
-  EXPECT_NEAR(corrected.square(0.01), 0.006, 1e-5);
+  EXPECT_NEAR(corrected.square(0.0, 0.0), 0.006, 1e-5);
+  EXPECT_NEAR(corrected.square(0.01, 0.0), 0.006, 1e-5);
+}
+
+/// What does not stand out counts for no more than a quarter of what is known of the error.
+TEST(BiasLeft, WhatMayBeNoiseDoesNotOutweighWhatIsKnown) {
+  for (const double square : {0.001, 0.1, 0.3, 0.59}) {
+    const BiasLeft doubtful{{square, 0.3}, 0.0, 0.0};
+    EXPECT_EQ(doubtful.square(0.0, 0.0), 0.0);
+    EXPECT_LE(doubtful.square(0.01, 0.02), 0.01 + 0.25 * 0.03);
+    EXPECT_GT(doubtful.square(0.0, 0.02), 0.0);
+  }
+  const BiasLeft sure{{1.5, 0.3}, 0.0, 0.0};  // by five standard errors
+  EXPECT_GT(sure.square(0.01, 0.02), 1.2);
+  // Less than nothing is noise: what is known stays.
+  const BiasLeft noise{{-0.5, 0.1}, 0.0, 0.0};
+  EXPECT_EQ(noise.square(0.01, 0.02), 0.01);
+}
+
+/// Differences between exact paths and guess in a room that is lit through a gap: next to all paths
+/// find less than the guess, few find very much more. By chance they may seem to know a bias: it
+/// stands out of their spread as seldom as it would of a normal deviate's. One that all share does.
+TEST(BlockProducts, RareBrightDifferencesDoNotStandOut) {
+  constexpr std::uint32_t kSize = 96, kWide = 8, kTrials = 200;
+  const std::vector<vec3> weigh(kSize * kSize, vec3(1.0f));
+  std::mt19937 random(7);
+  std::uniform_real_distribution<float> unit(0.0f, 1.0f);
+  for (const float chance : {0.1f, 0.01f, 0.001f}) {
+    std::uint32_t seen = 0;
+    double mean = 0.0;
+    for (std::uint32_t trial = 0; trial < kTrials; ++trial) {
+      std::vector<vec3> values(kSize * kSize);
+      for (vec3& v : values) v = vec3(unit(random) < chance ? (1.0f - chance) / chance : -1.0f);
+      const BiasFigures found =
+          blockProducts(kSize, kSize, kWide, weigh, [&](std::size_t i) { return values[i]; });
+      seen += standsOut(found) > 0.0 ? 1 : 0;
+      mean += found.square / (3.0 * kSize * kSize * kTrials);
+    }
+    EXPECT_LE(seen, kTrials / 20) << chance;
+    EXPECT_LT(std::abs(mean), 0.005 / static_cast<double>(chance)) << chance;
+  }
+  std::vector<vec3> values(kSize * kSize);
+  for (vec3& v : values) v = vec3(0.3f + 0.3f * (unit(random) < 0.1f ? 9.0f : -1.0f));
+  const BiasFigures found =
+      blockProducts(kSize, kSize, kWide, weigh, [&](std::size_t i) { return values[i]; });
+  EXPECT_NEAR(standsOut(found) / (3.0 * kSize * kSize), 0.09, 0.015);
+}
+
+TEST(BlockProducts, OfOneBlockDoubtIsAsLargeAsWhatItSays) {
+  const std::vector<vec3> weigh(16, vec3(1.0f));
+  const BiasFigures found = blockProducts(4, 4, 8, weigh, [](std::size_t) { return vec3(1.0f); });
+  EXPECT_FLOAT_EQ(static_cast<float>(found.square), 48.0f);
+  EXPECT_EQ(found.doubt, found.square);
+  EXPECT_EQ(standsOut(found), 0.0);
 }
 
 // ---- noise of light ----

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <thread>
 
 #include "tests/unit/stream_meshes.h"
@@ -86,18 +87,93 @@ TEST(UnpackedPages, AreKeptWhereThatPays) {
   EXPECT_TRUE(comesBack(slow, 199));
 }
 
-TEST(UsualSeconds, FollowsWhatLastsAndHardlyWhatDoesNot) {
-  UsualSeconds usual(1e-5);
-  for (int i = 0; i < 100; ++i) usual.took(2e-5);
-  EXPECT_NEAR(usual.value(), 2e-5, 1e-6);
-  usual.took(1.0);
-  EXPECT_LT(usual.value(), 3e-5);
-  for (int i = 0; i < 60; ++i) usual.took(1e-2);
-  EXPECT_GT(usual.value(), 5e-3);
-  const double slow = usual.value();
-  usual.missed();
-  EXPECT_LT(usual.value(), slow);
-  EXPECT_GT(usual.value(), 0.999 * slow);
+/// Each look at it is a step later.
+ThreadMoment now_, step_;
+ThreadMoment steppingClock() {
+  const ThreadMoment before = now_;
+  now_.now += step_.now, now_.processor += step_.processor, now_.sleeps += step_.sleeps;
+  return before;
+}
+
+/// Pages that are kept as long as that pays by the clock above; each took a tenth of a millisecond.
+struct Measured {
+  static constexpr std::uint32_t kPages = 100'000;
+  UnpackedPages kept{::memfd_create("trex-test", MFD_CLOEXEC), ~0ull, kPages, true, steppingClock};
+  std::uint32_t next = 0;
+  /// Whether the next page is kept.
+  bool keeps() {
+    kept.keep(next, bytesOf(next, 100), 1e-4);
+    return kept.has(next++);
+  }
+};
+
+TEST(UnpackedPages, TimeThatOthersHadTheProcessorIsNotTheDisks) {
+  Measured m;
+  step_ = {0.012, 1e-5, 0};  // as a quota lets go
+  for (int i = 0; i < 1000; ++i) ASSERT_TRUE(m.keeps()) << i;
+  std::vector<std::byte> out(100);
+  for (int i = 0; i < 1000; ++i) ASSERT_TRUE(m.kept.has(5) && m.kept.read(5, out));
+}
+
+/// For as long as a disk is busy hardly any time goes into it; once it is free that is noticed.
+TEST(UnpackedPages, ADiskThatWasBusyIsFoundFreeAgain) {
+  Measured m;
+  constexpr double kBusy = 5e-3;
+  step_ = {kBusy, 1e-5, 1};
+  int kept = 0;
+  for (int i = 0; i < 20'000; ++i) kept += m.keeps();
+  EXPECT_GT(kept, 10);
+  EXPECT_LT(kept * kBusy, 0.1 * 20'000 * 1e-4);
+  step_ = {2e-5, 1e-5, 0};
+  int missed = 0;
+  for (int i = 0; i < 20'000; ++i) missed += !m.keeps();
+  EXPECT_LT(missed, 1500);
+  for (int i = 0; i < 100; ++i) EXPECT_TRUE(m.keeps());
+}
+
+TEST(UnpackedPages, WhatIsReadSlowlyIsUnpackedUntilThatIsOver) {
+  Measured m;
+  step_ = {2e-5, 1e-5, 0};
+  while (m.next < 100) ASSERT_TRUE(m.keeps());
+  std::vector<std::byte> out(100);
+  const auto load = [&](std::uint32_t page) {
+    if (m.kept.has(page)) return m.kept.read(page, out);
+    m.kept.keep(page, bytesOf(page, 100), 1e-4);
+    return false;
+  };
+  step_ = {1e-2, 1e-5, 1};
+  int read = 0;
+  for (std::uint32_t i = 0; i < 20'000; ++i) read += load(i % 100);
+  EXPECT_LT(read * 1e-2, 0.15 * 20'000 * 1e-4);
+  step_ = {2e-5, 1e-5, 0};
+  int unpacked = 0;
+  for (std::uint32_t i = 0; i < 20'000; ++i) unpacked += !load(i % 100);
+  EXPECT_LT(unpacked, 2500);
+}
+
+TEST(Saving, FollowsWhatLastsAndHardlyWhatDoesNot) {
+  Saving saving(1e-5);
+  for (int i = 0; i < 100; ++i) saving.took(2e-5, 1.0);
+  EXPECT_NEAR(saving.value(), 2e-5, 1e-6);
+  saving.took(1.0, 1.0);
+  EXPECT_LT(saving.value(), 3e-5);
+  for (int i = 0; i < 60; ++i) saving.took(1e-2, 1.0);
+  EXPECT_GT(saving.value(), 5e-3);
+  EXPECT_FALSE(saving.pays(1e-3));
+  for (int i = 0; i < 300; ++i) saving.without(1e-3);
+  EXPECT_TRUE(saving.pays(1e-3));  // a trial
+  saving.took(1e-2, 1e-3);
+  EXPECT_FALSE(saving.pays(1e-3));
+}
+
+/// A thread that computes has worked, one that sleeps has waited.
+TEST(ThreadClock, TellsWorkFromWaiting) {
+  const ThreadMoment start = threadMoment();
+  std::this_thread::sleep_for(std::chrono::milliseconds(5));
+  const ThreadMoment slept = threadMoment();
+  EXPECT_GT(slept.sleeps, start.sleeps);
+  EXPECT_GE(secondsTaken(start, slept), 5e-3);
+  EXPECT_LT(slept.processor - start.processor, slept.now - start.now);
 }
 
 /// The cache gives the same hits, from the file or not, with threads that take pages from each
