@@ -65,6 +65,7 @@ class MachineListener {
   virtual void lost(std::uint32_t machine) = 0;
   virtual void result(std::uint32_t machine, Result result) = 0;
   virtual void lit(std::uint32_t machine, const Lit& lit) = 0;
+  virtual void noLoan(std::uint32_t machine, std::uint32_t id) = 0;
   /// Photons, which have been checked.
   virtual void shot(std::uint32_t machine, Shot shot) = 0;
   /// It will not be ready again; after lost().

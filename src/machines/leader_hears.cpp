@@ -59,6 +59,9 @@ void Leader::hear(std::uint32_t from, Kind kind, ByteView body) {
     case Kind::kLit:
       if (listener_ != nullptr) listener_->lit(from, decode<Lit>(body));
       break;
+    case Kind::kNoLoan:
+      if (listener_ != nullptr) listener_->noLoan(from, decode<NoLoan>(body).id);
+      break;
     case Kind::kProbed:
       hearProbed(from, decode<Probed>(body));
       break;

@@ -16,7 +16,7 @@ constexpr double kUnknownSeconds = 1.0;
 
 std::uint64_t Loans::wanted(std::uint32_t machine, double seconds) const {
   const Machine& m = machines_[machine];
-  if (m.owed > 0 || m.held >= kAtOnce) return 0;
+  if (!m.owed.empty() || m.held >= kAtOnce) return 0;
   return std::max<std::uint64_t>(static_cast<std::uint64_t>(m.rate * seconds), 1);
 }
 
@@ -40,7 +40,7 @@ const Loan* Loans::find(std::uint32_t machine, std::uint32_t id) const {
 void Loans::brought(std::uint32_t machine, std::uint32_t id, double seconds, double at) {
   Machine& m = machines_[machine];
   if (find(machine, id) == nullptr) {
-    m.owed -= std::min(m.owed, 1u);
+    m.owed.erase(id);
     return;
   }
   Loan& loan = loans_.at(id);
@@ -53,6 +53,15 @@ void Loans::brought(std::uint32_t machine, std::uint32_t id, double seconds, dou
   m.rate = m.rate > 0.0 ? m.rate + kNewRate * (rate - m.rate) : rate;
   m.last = at;
   m.samples += loan.samples;
+}
+
+std::vector<TileUnit> Loans::drop(std::uint32_t machine, std::uint32_t id) {
+  machines_[machine].owed.erase(id);
+  const Loan* loan = find(machine, id);
+  if (loan == nullptr || loan->back) return {};
+  std::vector<TileUnit> units = loan->units;
+  end(id);
+  return units;
 }
 
 void Loans::end(std::uint32_t id) {
@@ -73,7 +82,7 @@ std::vector<TileUnit> Loans::take(const Which& which) {
     }
     ++takenBack_;
     --machines_[loan.machine].held;
-    ++machines_[loan.machine].owed;
+    machines_[loan.machine].owed.insert(loan.id);
     units.insert(units.end(), loan.units.begin(), loan.units.end());
     at = loans_.erase(at);
   }
@@ -82,7 +91,7 @@ std::vector<TileUnit> Loans::take(const Which& which) {
 
 std::vector<TileUnit> Loans::lose(std::uint32_t machine) {
   std::vector<TileUnit> units = take([&](const Loan& loan) { return loan.machine == machine; });
-  machines_[machine].owed = 0;
+  machines_[machine].owed.clear();
   machines_[machine].rate = 0.0;
   return units;
 }
@@ -98,7 +107,10 @@ std::vector<TileUnit> Loans::takeLate(double now, bool hurry) {
 
 void Loans::clear() {
   loans_.clear();
-  for (Machine& m : machines_) m.held = m.owed = 0;
+  for (Machine& m : machines_) {
+    m.held = 0;
+    m.owed.clear();
+  }
 }
 
 }  // namespace trex::machines

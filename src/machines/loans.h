@@ -4,12 +4,14 @@
 // A LOAN is some tiles whose next samples one machine takes. Loans are as large as what a machine
 // brings back in the time between two visits of the window, by what it has brought so far, link
 // included. What is late is taken back, and comes to nothing when it comes after all; a machine
-// that owes such a loan gets no other until it has brought something.
+// that owes such a loan gets no other until it has brought it, or has said that it comes to
+// nothing.
 #pragma once
 
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <vector>
 
 #include "src/session/scheduler.h"
@@ -45,6 +47,8 @@ class Loans {
   /// A machine has brought a loan, at `at`, which took it `seconds`: it may have another. One that
   /// has been taken back is no longer owed.
   void brought(std::uint32_t machine, std::uint32_t id, double seconds, double at);
+  /// A machine has dropped a loan, and owes it no longer. Its units, unless it was taken back.
+  std::vector<TileUnit> drop(std::uint32_t machine, std::uint32_t id);
   /// A loan is in the frame, or of no use.
   void end(std::uint32_t id);
   /// Takes back what a machine holds, or what is late, and not back yet. Where nothing else is left
@@ -62,9 +66,10 @@ class Loans {
 
  private:
   struct Machine {
-    std::uint32_t held = 0, owed = 0;
-    double rate = 0.0;  ///< samples a second
-    double last = 0.0;  ///< when it brought something
+    std::uint32_t held = 0;
+    std::set<std::uint32_t> owed;  ///< loans that were taken back
+    double rate = 0.0;             ///< samples a second
+    double last = 0.0;             ///< when it brought something
     std::uint64_t samples = 0;
   };
   template <typename Which>

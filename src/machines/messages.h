@@ -48,7 +48,8 @@ enum class Kind : std::uint16_t {
   kStop,  ///< nothing more is wanted: kBye is
   kEnd,   ///< all have said goodbye that will
   // Of a window. To machine 0:
-  kLit,  ///< the light is made
+  kLit,     ///< the light is made
+  kNoLoan,  ///< what was lent comes to nothing
   // From machine 0:
   kServe,  ///< what the window was started with; after kWelcome
   kEdit,   ///< another look, or another size: what was asked for before is void

@@ -78,9 +78,11 @@ void Server::run(std::shared_ptr<Model> model, std::shared_ptr<asvo::Tree> voxel
           window.aim = decode<Aim>(body);
           if (!isVoid) goOnWithLight(window);
           break;
-        case Kind::kLent:
-          if (!isVoid) take(window, decode<Lent>(body), heard->passes);
+        case Kind::kLent: {
+          const auto lent = decode<Lent>(body);
+          if (isVoid || !take(window, lent, heard->passes)) tell(NoLoan{lent.id});
           break;
+        }
         default:
           throw MessageError("it is not of a window");
       }
@@ -162,11 +164,12 @@ std::optional<ShotPhotons> Server::shoot(const PhotonBatch& batch, const ShootHe
   return all;
 }
 
-void Server::take(Window& window, const Lent& lent, std::uint32_t begun) {
+/// False if it comes to nothing.
+bool Server::take(Window& window, const Lent& lent, std::uint32_t begun) {
   Session& session = *window.session;
   const bool sameLight = lent.photons == 0 || (lent.light == window.light && session.readsLight() &&
                                                session.light().photons() == lent.photons);
-  if (lent.edit != window.edit || !sameLight) return;
+  if (lent.edit != window.edit || !sameLight) return false;
   const bool dialled = session.buffers().dial != nullptr;
   const std::size_t tiles = session.buffers().tiles.tiles().size();
   if (lent.units.empty() || lent.units.size() > kMostLentUnits)
@@ -198,11 +201,13 @@ void Server::take(Window& window, const Lent& lent, std::uint32_t begun) {
   TakenSamples taken;
   passBegun_ = begun;
   if (!session.takeUnits(
-          units, [this] { return passes_ == passBegun_; }, taken))
-    return;
+          units, [this] { return passes_ == passBegun_; }, taken)) {
+    return false;
+  }
   Result result{.pass = lent.edit, .id = lent.id, .seconds = secondsNow() - start};
   result.samples = packSamples(taken.samples, lent.contents);
   sendResult(std::move(result), taken.rays, session);
+  return true;
 }
 
 std::uint64_t windowDigest(const std::filesystem::path& model) {

@@ -32,7 +32,7 @@ class Server : public Worker {
   void follow(Window& window, const Edit& edit);
   void goOnWithLight(Window& window);
   void startLight(Window& window);
-  void take(Window& window, const Lent& lent, std::uint32_t begun);
+  bool take(Window& window, const Lent& lent, std::uint32_t begun);
 
   std::uint32_t shotLight_ = 0;  ///< number of the light whose photons are shot
 };

@@ -117,6 +117,12 @@ void Servers::lit(std::uint32_t machine, const Lit& lit) {
   changed_.notify_all();
 }
 
+void Servers::noLoan(std::uint32_t machine, std::uint32_t id) {
+  const std::lock_guard lock(mutex_);
+  dropped_.emplace_back(machine, id);
+  changed_.notify_all();
+}
+
 // ---- the window's thread ----
 
 std::uint32_t Servers::readyMachines() const {
@@ -173,7 +179,8 @@ bool Servers::await(Session& session, const std::function<bool()>& keepGoing) {
   if (loans_.empty() && !lacksPages) return false;
   if (!loans_.empty()) {
     std::unique_lock lock(mutex_);
-    changed_.wait_for(lock, kAwait, [&] { return !arrived_.empty() || !lost_.empty(); });
+    changed_.wait_for(lock, kAwait,
+                      [&] { return !arrived_.empty() || !lost_.empty() || !dropped_.empty(); });
   }
   // What lacks pages can't be traced here either.
   visit(session, keepGoing, !lacksPages);
@@ -238,9 +245,14 @@ bool Servers::addOne(Session& session, const Arrived& arrived) {
 
 void Servers::takeBack(Session& session, bool hurry) {
   std::vector<std::uint32_t> lost;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> dropped;
   {
     const std::lock_guard lock(mutex_);
     lost.swap(lost_);
+    dropped.swap(dropped_);
+  }
+  for (const auto& [machine, id] : dropped) {
+    for (const TileUnit& unit : loans_.drop(machine, id)) session.release(unit);
   }
   for (const std::uint32_t machine : lost) {
     for (const TileUnit& unit : loans_.lose(machine)) session.release(unit);
@@ -271,11 +283,13 @@ void Servers::lendAll(Session& session) {
            [&] { return session.lendCoarse(); });
   }
   const auto best = [&] { return session.lend(); };
+  // The last tile is left to who can trace it at once.
+  const std::size_t left = tiles.pagesAwaited() > 0 ? 0 : 1;
   for (std::uint32_t turn = 0; turn < Loans::kAtOnce; ++turn) {
     for (const std::uint32_t machine : who) {
       // An equal part of half of what nobody has: the last ones of a pass come back together.
       const std::size_t free = tiles.freeTiles();
-      if (free < 2 || !lendTo(session, machine, free / (2 * (who.size() + 1)), best)) return;
+      if (free <= left || !lendTo(session, machine, free / (2 * (who.size() + 1)), best)) return;
     }
   }
 }

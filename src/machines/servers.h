@@ -15,6 +15,7 @@
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "src/machines/leader.h"
@@ -85,6 +86,7 @@ class Servers : public SampleHelper, public PhotonSharer, private MachineListene
   void lost(std::uint32_t machine) override;
   void result(std::uint32_t machine, Result result) override;
   void lit(std::uint32_t machine, const Lit& lit) override;
+  void noLoan(std::uint32_t machine, std::uint32_t id) override;
   void shot(std::uint32_t machine, Shot shot) override;
   void failed(std::uint32_t machine, const std::string& why) override;
   void sendAim(std::uint32_t machine);
@@ -101,6 +103,7 @@ class Servers : public SampleHelper, public PhotonSharer, private MachineListene
   std::vector<Machine> machines_;
   std::deque<Arrived> arrived_;
   std::vector<std::uint32_t> lost_;  ///< machines, whose loans are not taken back yet
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> dropped_;  ///< machines and loans, likewise
   std::optional<Edit> edit_;
   std::optional<Aim> aim_;
   std::uint32_t holder_ = 0;  ///< the machine that has the model; 0: this one, or all

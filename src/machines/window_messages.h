@@ -71,4 +71,14 @@ struct Lent {
   }
 };
 
+/// Its light is another by now, or was to become another meanwhile.
+struct NoLoan {
+  static constexpr Kind kKind = Kind::kNoLoan;
+  std::uint32_t id = 0;
+  template <class F>
+  void fields(F&& f) {
+    f(id);
+  }
+};
+
 }  // namespace trex::machines

@@ -126,6 +126,9 @@ void read(ByteView message, std::uint32_t contents, std::size_t count) {
     case Kind::kLit:
       readAndWrite<Lit>(message, body);
       break;
+    case Kind::kNoLoan:
+      readAndWrite<NoLoan>(message, body);
+      break;
     case Kind::kServe:
       readArguments(readAndWrite<Serve>(message, body));
       break;

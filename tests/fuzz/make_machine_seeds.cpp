@@ -65,6 +65,7 @@ int main(int argc, char** argv) {
   write("stop", Stop{});
   write("end", End{});
   write("lit", Lit{1, 4096});
+  write("no_loan", NoLoan{2});
   write("serve", Serve{640, 360, trex::machines::joinArguments({"a.trex", "--spp", "4"})});
   write("edit", Edit{1, 640, 360, R"({"trex": 1, "edits_of": ""})"});
   write("aim", Aim{1, 4096, 77, R"({"trex": 1, "edits_of": "", "light": {"photons": 4096}})", 1});

@@ -59,6 +59,33 @@ TEST(Loans, WhatIsBackIsNotLateAndNotLost) {
   EXPECT_EQ(loans.find(1, 99), nullptr);
 }
 
+TEST(Loans, WhatIsDroppedIsNotOwed) {
+  Loans loans(2);
+  const auto first = loans.lend(1, tile(3), 10, 0.0);
+  const auto second = loans.lend(1, tile(4), 10, 0.0);
+  const auto back = loans.drop(1, second);
+  ASSERT_EQ(back.size(), 1u);
+  EXPECT_EQ(back[0].tile, 4u);
+  EXPECT_GT(loans.wanted(1, 0.1), 0u);
+  EXPECT_TRUE(loans.drop(1, second).empty());  // it comes twice
+  EXPECT_EQ(loans.takeLate(100.0, false).size(), 1u);
+  EXPECT_EQ(loans.wanted(1, 0.1), 0u);
+  EXPECT_TRUE(loans.drop(1, second).empty());
+  EXPECT_EQ(loans.wanted(1, 0.1), 0u) << "it owes another one";
+  EXPECT_TRUE(loans.drop(1, first).empty()) << "taken back before";
+  EXPECT_GT(loans.wanted(1, 0.1), 0u);
+  EXPECT_TRUE(loans.empty());
+  EXPECT_EQ(loans.samplesOf(1), 0u);
+}
+
+TEST(Loans, WhatIsBackIsNotDropped) {
+  Loans loans(2);
+  const auto id = loans.lend(1, tile(0), 10, 0.0);
+  loans.brought(1, id, 0.1, 0.1);
+  EXPECT_TRUE(loans.drop(1, id).empty());
+  EXPECT_NE(loans.find(1, id), nullptr);
+}
+
 TEST(Loans, ClearForgetsWhatIsOwed) {
   Loans loans(2);
   const auto id = loans.lend(1, tile(0), 10, 0.0);

@@ -275,6 +275,38 @@ TEST(WindowAndServers, OneThatDoesNotAnswerIsNotWaitedFor) {
   EXPECT_GT(served.servers.takenBack(), 0u);
 }
 
+/// As one whose light is always another by then.
+TEST(WindowAndServers, OneThatDropsWhatItIsLentIsAskedAgain) {
+  const RenderSettings s = windowSettings(1.0, 20);
+  setLogLevel(LogLevel::kQuiet);
+  Net net(2, 9);
+  Servers servers(wireOf(net, 0), hello());
+  std::atomic<std::uint32_t> dropped{0};
+  Link other(wireOf(net, 1));
+  other.listen({.message =
+                    [&](std::uint32_t, Kind kind, ByteView body) {
+                      if (kind == Kind::kPing) other.send(0, Pong{});
+                      if (kind == Kind::kServe) other.send(0, Ready{kDigest});
+                      if (kind == Kind::kStop) other.send(0, Bye{});
+                      if (kind != Kind::kLent) return;
+                      ++dropped;
+                      other.send(0, NoLoan{decode<Lent>(body).id});
+                    },
+                .tick = {},
+                .lost = {},
+                .broken = [](const Error&) {}});
+  other.send(0, hello());
+  servers.welcome(true, {}, {s.width, s.height, ""}, kDigest);
+  while (servers.readyMachines() == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  Window alone(s), together(s, &servers);
+  alone.settle();
+  together.settle();
+  EXPECT_EQ(together.picture(), alone.picture());
+  EXPECT_GT(dropped, 2 * Loans::kAtOnce);
+  std::jthread ends([&] { other.finish(); });  // which waits for the other's
+  servers.finish(0);
+}
+
 TEST(WindowAndServers, OneWithAnotherModelIsLeftOut) {
   const RenderSettings s = windowSettings(1.0, 3);
   setLogLevel(LogLevel::kQuiet);
