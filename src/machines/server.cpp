@@ -150,18 +150,17 @@ void Server::startLight(Window& window) {
 /// In parts that no batch of the window's cuts, so that they travel while the next ones are shot.
 std::optional<ShotPhotons> Server::shoot(const PhotonBatch& batch, const ShootHere& here,
                                          const std::function<bool()>& keepGoing) {
-  ShotPhotons all;
+  PhotonParts all(batch);
   for (std::uint64_t first = batch.first; first < batch.end;) {
     const std::uint64_t end = std::min(batch.end, (first / kSentPhotons + 1) * kSentPhotons);
     if (!keepGoing()) return {};
     auto shot = here(first, end);
     if (!shot) return {};
-    all.records.insert(all.records.end(), shot->records.begin(), shot->records.end());
-    all.lessons.insert(all.lessons.end(), shot->lessons.begin(), shot->lessons.end());
-    tell(Shot{shotLight_, 0, batch.first, first, end, 0.0, std::move(*shot)});
+    tell(Shot{shotLight_, 0, batch.first, first, end, 0.0, *shot});
+    all.add(first, end, std::move(*shot));
     first = end;
   }
-  return all;
+  return all.joined();
 }
 
 /// False if it comes to nothing.
