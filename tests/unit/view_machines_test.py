@@ -203,7 +203,9 @@ class Servers(ViewTest):
 
     def test_a_window_with_room_for_three_pages(self):
         model, pages = self.streamed("3e5")
-        self.same_as_alone(0, "--spp", 6, "--exact", 0, edits=EDITS[:3], holders=[model], here=["--cache", 3 * pages["largest_page_bytes"]])
+        # Photons of the server tell how often they have turned, too.
+        self.same_as_alone(0, "--spp", 6, "--exact", 0, "--max-bounces", 6, edits=EDITS[:3], holders=[model],
+                           here=["--cache", 3 * pages["largest_page_bytes"]])
 
     def test_a_window_without_a_model_whose_meshes_are_in_no_pages(self):
         self.same_as_alone(0, "--spp", 24, edits=EDITS[1:], holders=[self.model])
