@@ -28,7 +28,8 @@ constexpr std::uint64_t kExpandedBytes = 48;        // a triangle of small meshe
 constexpr std::uint64_t kMeshBytesATriangle = 12;   // clusters and their hierarchy
 constexpr std::uint64_t kPlacedBytes = 24;          // a placed triangle while voxels are built
 constexpr std::uint64_t kVoxelCopies = 6;           // built; kept, on the device, flux and light
-constexpr std::uint64_t kLightCopies = 5;  // beside the tree: on the device, flux, light, tables
+/// Beside the tree, thirds of its bytes: on the device, flux, light, tables, faces.
+constexpr std::uint64_t kLightThirds = 16;
 constexpr std::uint64_t kFewestVoxelBytes = 4u << 20;
 constexpr std::uint64_t kProgramBytes = 128u << 20;  // with the libraries that read images
 constexpr std::uint64_t kCorrectionBytes = 96;       // a pixel's differences, in its parts
@@ -173,7 +174,7 @@ Preflight preflight(const Scene& scene, const RenderSettings& settings, const Pi
   // Memory that was freed may stay with the process in part: half is counted on.
   // A bundle's voxels are resident by now; what is made of them is not.
   const std::uint64_t voxelBytes =
-      bakedVoxels ? *bakedVoxels * kLightCopies : kFewestVoxelBytes * kVoxelCopies;
+      bakedVoxels ? *bakedVoxels * kLightThirds / 3 : kFewestVoxelBytes * kVoxelCopies;
   phase("rendering", here - std::min(here, sourceBytes(scene) / 2) + meshes + topLevelBytes +
                          tiles + (device ? kDeviceBytes : 0) + (voxels ? voxelBytes : 0) +
                          (settings.servesModel ? meshes + kFewestVoxelBytes : 0) +

@@ -92,7 +92,7 @@ class BenchTest(unittest.TestCase):
             times = [p["seconds"] for p in r["points"]]
             self.assertEqual(times, sorted(set(times)))
             self.assertGreaterEqual(times[-1], 0.9)
-            self.assertLessEqual(len(times), 3)
+            self.assertLessEqual(len(times), 5)  # from 0.0625 s on, twice as long each time
             for p in r["points"]:
                 self.assertGreater(p["samples"], 0)
                 self.assertGreater(p["relmse"], 0)
