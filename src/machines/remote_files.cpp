@@ -2,58 +2,10 @@
 
 #include <algorithm>
 
+#include "src/machines/page_server.h"
+#include "src/machines/remote_file.h"
+
 namespace trex::machines {
-namespace {
-
-constexpr std::uint32_t kPartBytes = 4u << 20;  // of a file, asked for at once
-
-}  // namespace
-
-class RemoteFiles::RemoteFile : public hccm::PageFile {
- public:
-  RemoteFile(RemoteFiles& files, std::uint32_t machine, std::uint32_t number, std::string name)
-      : files_(files), machine_(machine), number_(number), name_(std::move(name)) {}
-  void read(std::uint64_t offset, std::span<std::byte> out) const override {
-    while (!out.empty()) {
-      const auto part = out.first(std::min<std::size_t>(out.size(), kPartBytes));
-      const hccm::FilePart one{offset, part};
-      files_.read(machine_, number_, {&one, 1});
-      offset += part.size();
-      out = out.subspan(part.size());
-    }
-  }
-  /// Of pages.
-  void readAll(std::span<const hccm::FilePart> parts) const override {
-    while (!parts.empty()) {
-      std::size_t count = 0;
-      for (std::size_t bytes = 0; count < parts.size(); ++count) {
-        bytes += parts[count].out.size();
-        if (bytes > kPartBytes) break;
-      }
-      if (count == 0) {
-        read(parts[0].offset, parts[0].out);
-        count = 1;
-      } else {
-        files_.read(machine_, number_, parts.first(count));
-      }
-      parts = parts.subspan(count);
-    }
-  }
-  unsigned partsAtOnce() const override { return pagesAtOnce(files_.speed_(machine_)); }
-  hccm::FileSpeed speed() const override {
-    const LinkSpeed link = files_.speed_(machine_);
-    return {link.roundTrip, link.bandwidth};
-  }
-  void readAhead(std::uint64_t, std::uint64_t) const override {}
-  std::string place(std::uint64_t offset) const override {
-    return fmt::format("{} of machine {}, byte {}", name_, machine_, offset);
-  }
-
- private:
-  RemoteFiles& files_;
-  std::uint32_t machine_, number_;
-  std::string name_;
-};
 
 RemoteFiles::RemoteFiles(std::function<void(std::uint32_t, Bytes)> send,
                          std::function<LinkSpeed(std::uint32_t)> speed)
@@ -61,7 +13,11 @@ RemoteFiles::RemoteFiles(std::function<void(std::uint32_t, Bytes)> send,
 
 std::unique_ptr<hccm::PageFile> RemoteFiles::file(std::uint32_t machine, std::uint32_t number,
                                                   const std::string& name) {
-  return std::make_unique<RemoteFile>(*this, machine, number, name);
+  return std::make_unique<RemoteFile>(
+      [this, machine, number](std::span<const hccm::FilePart> parts) {
+        read(machine, number, parts);
+      },
+      [this, machine] { return speed_(machine); }, fmt::format("{} of machine {}", name, machine));
 }
 
 /// One that this machine was asked; null if it has answered before. The lock is held, as below.
@@ -127,13 +83,12 @@ std::size_t RemoteFiles::outstanding() const {
 
 void RemoteFiles::read(std::uint32_t machine, std::uint32_t file,
                        std::span<const hccm::FilePart> parts) {
+  const std::size_t bytes = sizeOf(parts);
+  if (bytes == 0) return;
   Fetch fetch;
-  std::size_t bytes = 0;
   for (const hccm::FilePart& part : parts) {
     fetch.ranges.push_back({part.offset, file, static_cast<std::uint32_t>(part.out.size())});
-    bytes += part.out.size();
   }
-  if (bytes == 0) return;
   std::unique_lock lock(mutex_);
   const std::uint64_t number = fetch.number = ++asked_;
   const auto ended = [&] { return stopped_ || broken_ || lost_.contains(machine); };
@@ -151,11 +106,7 @@ void RemoteFiles::read(std::uint32_t machine, std::uint32_t file,
         fail(ExitCode::kFailed, "machine {}: sent {} bytes of a file instead of {}", machine,
              got.answer.size(), bytes);
       }
-      auto from = got.answer.begin();
-      for (const hccm::FilePart& part : parts) {
-        std::copy_n(from, part.out.size(), part.out.begin());
-        from += static_cast<std::ptrdiff_t>(part.out.size());
-      }
+      giveOut(got.answer, parts);
       return;
     }
     if (broken_ || lost_.contains(machine)) questions_.erase(number);

@@ -44,7 +44,6 @@ class RemoteFiles {
   std::size_t outstanding() const;
 
  private:
-  class RemoteFile;
   struct Question {
     std::uint32_t machine = 0;
     bool awaited = true;

@@ -7,102 +7,21 @@
 #include <xxhash.h>
 
 #include "src/core/clock.h"
+#include "src/machines/remote_file.h"
 
 namespace trex::machines {
 namespace {
 
-constexpr std::uint32_t kPartBytes = 4u << 20;  // of a file, asked for at once
-constexpr std::uint32_t kModelFile = 0;         // the one whose pages have homes
+constexpr std::uint32_t kModelFile = 0;  // the one whose pages have homes
 // Who does not answer for so long, and for so many times what answers take, is taken to have
 // stopped until something comes from it.
 constexpr double kLateSeconds = 2.0, kLateTimes = 8.0;
-
-/// Gives out what came, one part after the other.
-void giveOut(ByteView came, std::span<const hccm::FilePart> parts) {
-  for (const hccm::FilePart& part : parts) {
-    std::copy_n(came.begin(), part.out.size(), part.out.begin());
-    came = came.subspan(part.out.size());
-  }
-}
-
-std::size_t sizeOf(std::span<const hccm::FilePart> parts) {
-  std::size_t bytes = 0;
-  for (const hccm::FilePart& part : parts) bytes += part.out.size();
-  return bytes;
-}
 
 bool isWhole(const hccm::FilePart& part) {
   return XXH3_64bits(part.out.data(), part.out.size()) == part.checksum;
 }
 
-/// Calls with as many parts at a time as a question may have.
-template <class F>
-void inQuestions(std::span<const hccm::FilePart> parts, F&& call) {
-  while (!parts.empty()) {
-    std::size_t count = 1;
-    for (std::size_t bytes = parts[0].out.size(); count < parts.size(); ++count) {
-      bytes += parts[count].out.size();
-      if (bytes > kPartBytes) break;
-    }
-    call(parts.first(count));
-    parts = parts.subspan(count);
-  }
-}
-
 }  // namespace
-
-class RemotePages::File : public hccm::PageFile {
- public:
-  File(RemotePages& pages, std::uint32_t file, std::string name)
-      : pages_(pages), file_(file), name_(std::move(name)) {}
-  void read(std::uint64_t offset, std::span<std::byte> out) const override {
-    while (!out.empty()) {
-      const hccm::FilePart one{offset, out.first(std::min<std::size_t>(out.size(), kPartBytes))};
-      pages_.read(file_, {&one, 1});
-      offset += one.out.size();
-      out = out.subspan(one.out.size());
-    }
-  }
-  /// Of pages.
-  void readAll(std::span<const hccm::FilePart> parts) const override {
-    inQuestions(parts, [&](Parts some) { pages_.read(file_, some); });
-  }
-  unsigned partsAtOnce() const override { return pagesAtOnce(pages_.link()); }
-  hccm::FileSpeed speed() const override {
-    const LinkSpeed link = pages_.link();
-    return {link.roundTrip, link.bandwidth};
-  }
-  void readAhead(std::uint64_t, std::uint64_t) const override {}
-  std::string place(std::uint64_t offset) const override {
-    return fmt::format("{} of machine 0, byte {}", name_, offset);
-  }
-
- private:
-  RemotePages& pages_;
-  std::uint32_t file_;
-  std::string name_;
-};
-
-/// What others may ask for here.
-class RemotePages::Home : public hccm::PageFile {
- public:
-  Home(RemotePages& pages, std::uint32_t file) : pages_(pages), file_(file) {}
-  void read(std::uint64_t offset, std::span<std::byte> out) const override {
-    const hccm::FilePart one{offset, out};
-    readAll({&one, 1});
-  }
-  void readAll(std::span<const hccm::FilePart> parts) const override {
-    inQuestions(parts, [&](Parts some) { pages_.readAtHome(file_, some); });
-  }
-  void readAhead(std::uint64_t, std::uint64_t) const override {}
-  std::string place(std::uint64_t offset) const override {
-    return fmt::format("file {} of machine 0, byte {}", file_, offset);
-  }
-
- private:
-  RemotePages& pages_;
-  std::uint32_t file_;
-};
 
 RemotePages::RemotePages(Send send, std::function<void(const Error&)> failed)
     : send_(std::move(send)),
@@ -122,14 +41,18 @@ void RemotePages::setPlace(std::uint32_t rank, std::uint32_t machines) {
 }
 
 std::unique_ptr<hccm::PageFile> RemotePages::file(std::uint32_t number, const std::string& name) {
-  return std::make_unique<File>(*this, number, name);
+  return std::make_unique<RemoteFile>([this, number](Parts parts) { read(number, parts); },
+                                      [this] { return link(); }, name + " of machine 0");
 }
 
 void RemotePages::passOn(std::unique_ptr<PageShelf> shelf,
                          const std::vector<std::uint64_t>& fileBytes) {
   std::vector<ServedFile> files(fileBytes.size());
   if (!files.empty()) {
-    files[kModelFile] = {std::make_shared<Home>(*this, kModelFile), fileBytes[kModelFile]};
+    auto pages =
+        std::make_shared<RemoteFile>([this](Parts parts) { readAtHome(kModelFile, parts); },
+                                     [this] { return link(); }, "the model of machine 0");
+    files[kModelFile] = {std::move(pages), fileBytes[kModelFile]};
   }
   server_.setFiles(std::move(files));
   const std::lock_guard lock(mutex_);

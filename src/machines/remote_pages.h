@@ -3,7 +3,7 @@
 //
 //   read() ─► pages of another's home ─► that machine ─► its shelf, or machine 0 ─┐
 //         ├─► pages of our own home   ─► our shelf, or machine 0 ─► our shelf     ├─► checked,
-//         given └─► all else                ─► machine 0                                ┘
+//               └─► all else                ─► machine 0                                ┘
 //   whoever does not answer in time, says no, has ended, or sends what the page's checksum does not
 //   fit: machine 0 is asked
 //
@@ -74,8 +74,6 @@ class RemotePages {
   void broken(const Error& error);
 
  private:
-  class File;
-  class Home;
   using Parts = std::span<const hccm::FilePart>;
   struct Question {
     std::uint32_t to = 0;

@@ -4,7 +4,6 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -13,34 +12,12 @@
 #include "src/crays/reading_pages.h"
 #include "src/frame/estimator.h"
 #include "src/frame/lattice.h"
+#include "src/session/missed_pages.h"
 
 namespace trex {
 
-/// Pixels between the two stages: traced, and waiting for the device's cones.
-struct SampleBatch {
-  struct Unit {
-    TileUnit unit;
-    std::size_t endJob = 0;
-    bool missed = false;  ///< pages, or an earlier unit of its tile did: it comes to nothing
-  };
-  std::vector<PathJob> jobs;
-  std::vector<Unit> units;           ///< of the jobs, in their order
-  std::vector<std::uint8_t> missed;  ///< by chunk of jobs: a ray missed a page
-  std::vector<std::uint8_t> isVoid;  ///< by job: of a unit that comes to nothing; empty: none is
-  bool waits = false;                ///< for pages that are not there
-  std::uint32_t looks = 0;           ///< of the jobs
-  std::vector<std::uint32_t> finishedTiles;  ///< that come to a whole sample or level by it
-  std::vector<PathSample> paths;             ///< by job
-  std::vector<RayCounts> rays;               ///< by job
-  std::vector<Cones> cones;                  ///< by chunk of jobs, in their order
-  std::vector<shaderio::GatherQuery> queries;
-  std::optional<int> ticket;
-  GatherPlan* gathers = nullptr;  ///< is told when the device has answered; may be null
-};
-
 namespace {
 
-constexpr std::size_t kChunk = 64;             // jobs that a thread takes at a time
 constexpr double kBatchSeconds = 0.003;        // between two questions whether to go on
 constexpr double kShareOfLimit = 0.2;          // see adaptWaiting()
 constexpr std::size_t kLargestUnit = 64 * 64;  // pixels of a tile
@@ -50,22 +27,6 @@ constexpr std::uint32_t kLooksOfASample = 8;  // that cost about as much
 constexpr std::uint32_t kMostTries = 12;
 /// The same where others may take it: they may be late, or have another light.
 constexpr std::uint32_t kMostTriesOfOthers = 60;
-
-/// Rays wait for pages, if they are told to, while it lives.
-class RaysWait {
- public:
-  RaysWait(const hccm::PagedMesh* behind, bool wait) : mesh_(wait ? behind : nullptr) {
-    if (mesh_ != nullptr) mesh_->setWaiting(true);
-  }
-  ~RaysWait() {
-    if (mesh_ != nullptr) mesh_->setWaiting(false);
-  }
-  RaysWait(const RaysWait&) = delete;
-  RaysWait& operator=(const RaysWait&) = delete;
-
- private:
-  const hccm::PagedMesh* mesh_;
-};
 
 /// Calls `visit(x, y)` with the pixels of a unit of a frame, always in the same order.
 template <typename Visit>
@@ -222,46 +183,6 @@ void rateTile(FrameBuffers& frame, std::uint32_t tile) {
   frame.tiles.setError(tile, static_cast<float>(error / (mean * mean + 1e-12)));
 }
 
-/// What missed pages is void, and so is what follows it in its tile.
-void dropMissed(SampleBatch& batch) {
-  batch.isVoid.assign(batch.jobs.size(), 0);
-  std::size_t first = 0;
-  for (std::size_t i = 0; i < batch.units.size(); ++i) {
-    SampleBatch::Unit& unit = batch.units[i];
-    for (std::size_t job = first; job < unit.endJob; job = (job / kChunk + 1) * kChunk) {
-      unit.missed |= batch.missed[job / kChunk] != 0;
-    }
-    for (std::size_t k = 0; k < i && !unit.missed; ++k) {
-      const SampleBatch::Unit& before = batch.units[k];
-      unit.missed =
-          before.missed && before.unit.tile == unit.unit.tile && before.unit.look == unit.unit.look;
-    }
-    if (unit.missed) {
-      std::fill(batch.isVoid.begin() + static_cast<std::ptrdiff_t>(first),
-                batch.isVoid.begin() + static_cast<std::ptrdiff_t>(unit.endJob), std::uint8_t{1});
-      std::erase(batch.finishedTiles, unit.unit.tile);
-    }
-    first = unit.endJob;
-  }
-  for (Cones& part : batch.cones) {
-    std::erase_if(part.requests, [&](const ConeRequest& r) { return batch.isVoid[r.job] != 0; });
-  }
-  for (std::size_t i = 0; i < batch.rays.size(); ++i) {
-    if (batch.isVoid[i] != 0) batch.rays[i] = {};
-  }
-}
-
-/// Units that missed pages are their tiles' next again.
-void putBack(TileScheduler& tiles, const hccm::PageFetcher& fetcher, const SampleBatch& batch) {
-  for (auto unit = batch.units.rbegin(); unit != batch.units.rend(); ++unit) {
-    if (unit->missed) {
-      tiles.putBack(unit->unit, fetcher.asked());
-    } else {
-      tiles.wasWhole(unit->unit.tile);
-    }
-  }
-}
-
 }  // namespace
 
 std::size_t pathsThatWait(const Scene& scene, std::uint64_t bytes) {
@@ -362,7 +283,7 @@ void SampleTaker::prepare(const FrameBuffers& frame, const SampleSource& source,
 /// First stage: C-rays on all CPU threads; the cones start on the device. False if it was given up.
 bool SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, VoxelLight& light,
                         SampleBatch& batch, bool mayGiveUp) {
-  const std::size_t count = batch.jobs.size(), chunks = (count + kChunk - 1) / kChunk;
+  const std::size_t count = batch.jobs.size(), chunks = (count + kJobsOfChunk - 1) / kJobsOfChunk;
   const std::uint32_t width = frame.sums.width();
   batch.paths.resize(count);
   batch.rays.resize(count);
@@ -377,9 +298,9 @@ bool SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
     if (!done) return false;
   }
   batch.missed.assign(source.batched ? 0 : chunks, 0);
-  const RaysWait wait(source.behind, batch.waits);
+  const RaysWait wait(batch.waits ? source.behind : nullptr, true);
   tbb::parallel_for(std::size_t{0}, source.batched ? 0 : chunks, [&](std::size_t chunk) {
-    const std::size_t first = chunk * kChunk, size = std::min(kChunk, count - first);
+    const std::size_t first = chunk * kJobsOfChunk, size = std::min(kJobsOfChunk, count - first);
     prepare(frame, source, first, size, batch);
     const std::uint64_t before = hccm::PageFetcher::missesHere();
     source.tracer->trace(std::span(batch.jobs).subspan(first, size), width,
@@ -391,7 +312,7 @@ bool SampleTaker::trace(const FrameBuffers& frame, const SampleSource& source, V
   if (source.behind != nullptr) dropMissed(batch);
   std::vector<RayCounts> rays(chunks);
   tbb::parallel_for(std::size_t{0}, chunks, [&](std::size_t chunk) {
-    const std::size_t first = chunk * kChunk, size = std::min(kChunk, count - first);
+    const std::size_t first = chunk * kJobsOfChunk, size = std::min(kJobsOfChunk, count - first);
     for (const RayCounts& c : std::span(batch.rays).subspan(first, size)) rays[chunk].add(c);
   });
   for (const RayCounts& c : rays) rays_.add(c);
@@ -447,9 +368,10 @@ void SampleTaker::resume(const SampleSource& source, std::span<const PathState> 
   if (source.batched) {
     source.batched->resume(paths, samples, counts);
   } else {
-    const std::size_t chunks = (paths.size() + kChunk - 1) / kChunk;
+    const std::size_t chunks = (paths.size() + kJobsOfChunk - 1) / kJobsOfChunk;
     tbb::parallel_for(std::size_t{0}, chunks, [&](std::size_t chunk) {
-      const std::size_t first = chunk * kChunk, size = std::min(kChunk, paths.size() - first);
+      const std::size_t first = chunk * kJobsOfChunk,
+                        size = std::min(kJobsOfChunk, paths.size() - first);
       source.tracer->resume(paths.subspan(first, size), std::span(samples).subspan(first, size),
                             std::span(counts).subspan(first, size));
     });

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <utility>
 
-#include "hccmesh/page_cache.h"
 #include "src/core/clock.h"
 #include "src/core/threads.h"
 #include "src/crays/reading_pages.h"
 #include "src/paths/walk_tracer.h"
 #include "src/session/cone_share.h"
+#include "src/session/missed_pages.h"
 #include "src/session/picture_error.h"
 #include "src/session/unfiltered_pixels.h"
 
@@ -20,21 +20,6 @@ constexpr std::uint32_t kSharedAtOnce = 1u << 16;  // samples: machines wait for
 constexpr double kPageSeconds = 0.002;  // to wait for pages, before it is asked whether to go on
 /// Photons that so often missed pages wait for them.
 constexpr std::uint32_t kMostLightTries = 24;
-
-/// Rays do not wait for pages that come behind, while it lives.
-class NoRayWaits {
- public:
-  explicit NoRayWaits(const hccm::PagedMesh* behind) : mesh_(behind) { set(false); }
-  ~NoRayWaits() { set(true); }
-  NoRayWaits(const NoRayWaits&) = delete;
-  NoRayWaits& operator=(const NoRayWaits&) = delete;
-
- private:
-  void set(bool wait) const {
-    if (mesh_ != nullptr) mesh_->setWaiting(wait);
-  }
-  const hccm::PagedMesh* mesh_;
-};
 
 }  // namespace
 
@@ -125,7 +110,7 @@ void Session::perform(const Work& work, const KeepGoing& keepGoing, vec2 pointer
     time();
     return keepGoing() && !goal_.late(samplesDone(), report_.renderSeconds);
   };
-  const NoRayWaits noWaits(behind());
+  const RaysWait never(behind(), false);
   source_.waitsAtLast = helper_ == nullptr || !helper_->takesAll();
   previewSource_.waitsAtLast = source_.waitsAtLast;
   switch (work.kind) {
@@ -265,7 +250,7 @@ double Session::estimatedError(std::uint32_t stride) const {
 
 std::optional<PathSample> Session::probe(std::uint32_t x, std::uint32_t y,
                                          std::uint32_t sample) const {
-  const NoRayWaits noWaits(behind());
+  const RaysWait never(behind(), false);
   const std::uint64_t missed = model_->rays->missed();
   const PathSample taken = source_.tracer->sample({x, y, sample, true}, settings_.width);
   if (model_->rays->missed() != missed) return {};

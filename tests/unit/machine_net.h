@@ -31,6 +31,7 @@ class Net {
   std::uint32_t size() const { return static_cast<std::uint32_t>(boxes_.size()); }
   void send(std::uint32_t from, std::uint32_t to, const Bytes& message) {
     const std::lock_guard lock(mutex_);
+    if (mute_[to]) ++unheard_;
     if (mute_[from] || mute_[to]) return;
     ByteView body;
     const Kind kind = openMessage(message, body);
@@ -62,6 +63,8 @@ class Net {
     std::fill(mute_.begin(), mute_.end(), false);
     muteAfter_ = ~0u;
   }
+  /// Messages to machines that did not hear.
+  std::uint64_t unheard() const { return unheard_; }
   std::atomic<int> aborted{-1};
 
  private:
@@ -71,6 +74,7 @@ class Net {
   std::uint32_t muteAfter_ = ~0u;
   Kind muteKind_ = Kind::kResult;
   std::mt19937 random_;
+  std::atomic<std::uint64_t> unheard_{0};
 };
 
 class NetWire : public Wire {

@@ -69,6 +69,7 @@ class TestPages : public PageFile {
   double readSeconds = 0.0;                  ///< that each read takes
   unsigned atOnce = 1;                       ///< parts that are to be asked for at once
   mutable std::atomic<std::size_t> most{0};  ///< that were
+  FileSpeed told{};                          ///< what is said to be known of it
   void read(std::uint64_t offset, std::span<std::byte> out) const override {
     ++reads;
     if (readSeconds > 0.0) std::this_thread::sleep_for(std::chrono::duration<double>(readSeconds));
@@ -81,6 +82,7 @@ class TestPages : public PageFile {
     PageFile::readAll(parts);
   }
   unsigned partsAtOnce() const override { return atOnce; }
+  FileSpeed speed() const override { return told; }
   void readAhead(std::uint64_t, std::uint64_t) const override {}
   std::string place(std::uint64_t offset) const override {
     return "pages.bin, byte " + std::to_string(offset);

@@ -166,6 +166,27 @@ TEST(Saving, FollowsWhatLastsAndHardlyWhatDoesNot) {
   EXPECT_FALSE(saving.pays(1e-3));
 }
 
+/// To unpack a page that another machine has takes its link's time, too: behind a slow one pages
+/// are kept on a disk that is slow as well.
+TEST(UnpackedPages, TheWayOfAPageCounts) {
+  const auto keptOf = [](double bandwidth) {
+    Streamed s = stream(sheet(300));
+    s.pages->told = {1e-3, bandwidth};
+    const auto pages = static_cast<std::uint32_t>(s.table.pages.size());
+    auto kept = std::make_unique<UnpackedPages>(::memfd_create("trex-test", MFD_CLOEXEC), ~0ull,
+                                                pages, true, steppingClock);
+    const PagedMesh mesh = s.mesh(std::uint64_t{1} << 30, std::move(kept));
+    step_ = {1.0, 1.0, 0};
+    for (std::uint32_t page = 0; page < pages; ++page) mesh.page(page);
+    std::uint32_t count = 0;
+    for (std::uint32_t page = 0; page < pages; ++page) count += mesh.cache().isKept(page);
+    return static_cast<double>(count) / pages;
+  };
+  EXPECT_LT(keptOf(0.0), 0.5);
+  EXPECT_LT(keptOf(1e9), 0.5);
+  EXPECT_EQ(keptOf(1.0), 1.0);
+}
+
 /// A thread that computes has worked, one that sleeps has waited.
 TEST(ThreadClock, TellsWorkFromWaiting) {
   const ThreadMoment start = threadMoment();

@@ -16,12 +16,12 @@ SIZE = (160, 90)
 
 
 class Display:
-    """An X server of its own on a free display number."""
+    """An X server of its own on a free display number. It would begin anew whenever its last window closes, and refuse the next for that moment."""
 
     def __init__(self):
         reading, writing = os.pipe()
         self.process = subprocess.Popen(
-            ["Xvfb", "-displayfd", str(writing), "-screen", "0", "1280x720x24", "-nolisten", "tcp"],
+            ["Xvfb", "-displayfd", str(writing), "-screen", "0", "1280x720x24", "-nolisten", "tcp", "-noreset"],
             pass_fds=[writing], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         os.close(writing)
         with os.fdopen(reading) as pipe:
