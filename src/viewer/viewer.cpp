@@ -44,7 +44,9 @@ Viewer::~Viewer() {
 void Viewer::open(const std::filesystem::path& input) { impl_->open(input); }
 OpenPhase Viewer::phase() const { return impl_->phase; }
 std::string Viewer::message() const { return impl_->message; }
-std::optional<ExitCode> Viewer::lost() const { return impl_->lost; }
+std::optional<ExitCode> Viewer::problem() const {
+  return impl_->phase == OpenPhase::kFailed ? impl_->failureCode : impl_->lost;
+}
 const std::filesystem::path& Viewer::input() const { return impl_->input; }
 const ScreenImage& Viewer::screen() const { return impl_->screen.image(); }
 ViewState& Viewer::state() { return impl_->state; }
@@ -124,13 +126,14 @@ void Viewer::Impl::open(const std::filesystem::path& path) {
         textureCacheFor(options.settings, std::filesystem::temp_directory_path());
     if (!options.environment.empty()) o.options.environment = parseEnvironment(options.environment);
   } catch (const Error& e) {
-    failed(e.what());
+    failed(e.code(), e.what());
     return;
   }
   background.start(openingJob(std::move(o)), [this](std::exception_ptr e) { openingFailed(e); });
 }
 
-void Viewer::Impl::failed(const std::string& why) {
+void Viewer::Impl::failed(ExitCode code, const std::string& why) {
+  failureCode = code;
   message = why;
   logError("{}", why);
   if (!session) phase = OpenPhase::kFailed;
@@ -140,14 +143,11 @@ void Viewer::Impl::openingFailed(std::exception_ptr problem) {
   try {
     std::rethrow_exception(problem);
   } catch (const Error& e) {
-    failureCode = e.code();
-    failed(e.what());
+    failed(e.code(), e.what());
   } catch (const std::bad_alloc&) {
-    failureCode = ExitCode::kMemoryOrDevice;
-    failed("out of memory while opening; see --max-memory");
+    failed(ExitCode::kMemoryOrDevice, "out of memory while opening; see --max-memory");
   } catch (const std::exception& e) {
-    failureCode = ExitCode::kFailed;
-    failed(e.what());
+    failed(ExitCode::kFailed, e.what());
   }
 }
 

@@ -144,9 +144,10 @@ class Viewer {
   OpenPhase phase() const;
   /// What is going on, or what went wrong; empty if there is nothing to say.
   std::string message() const;
-  /// Pages of a model at another machine can't be read any more: what is shown stays, nothing is
-  /// traced, and this is the exit code. message() says why.
-  std::optional<ExitCode> lost() const;
+  /// The exit code of what keeps the model from being shown, or traced any more: opening it has
+  /// failed (kFailed), or its pages, at another machine, can't be read (what is shown stays).
+  /// message() says why.
+  std::optional<ExitCode> problem() const;
   const std::filesystem::path& input() const;
 
   /// Does what comes next for at most about `seconds`; rays do not wait for pages of a model that

@@ -61,7 +61,7 @@ struct Viewer::Impl {
   ViewState state, seenState;
   OpenPhase phase = OpenPhase::kEmpty;
   std::string message;
-  ExitCode failureCode = ExitCode::kDone;
+  ExitCode failureCode = ExitCode::kDone;  ///< of phase kFailed
   std::optional<ExitCode> lost;  ///< the model can't be read any more
   std::filesystem::path input, opening;
   ModelOptions modelOptions;
@@ -83,7 +83,7 @@ struct Viewer::Impl {
   Background background;
 
   void open(const std::filesystem::path& path);
-  void failed(const std::string& why);
+  void failed(ExitCode code, const std::string& why);
   void openingFailed(std::exception_ptr problem);
   void takeMeshes(std::shared_ptr<Model> model, const ModelOptions& made);
   void takeSourceVoxels(std::shared_ptr<asvo::Tree> tree, std::unique_ptr<GRayTracer> device);

@@ -258,7 +258,7 @@ class Servers(ViewTest):
         self.together(0, [], code=3, says="none.trex", holders=[self.path("none.trex")])
         self.together(0, [], "--scene-db", "local", code=2, says="name the model", holders=[model])
         self.together(0, [], "--cache", "some", code=2, says="some", holders=[model])
-        self.together(0, [{"wait": "shown"}], "--cache", "1", code=3, says="largest", holders=[model])
+        self.together(0, [{"wait": "shown"}], "--cache", "1", code=4, says="largest", holders=[model])
         self.together(1, [], code=2, says="name the model, here or at the machine that has it", model="--seed=0")
         self.together(1, [{"wait": "idle"}], "--spp", 1, says="the window has a model too", model=model, worker=[model])
 

@@ -222,6 +222,9 @@ class Replay(ViewTest):
             f.write(b"hello")
         self.assertIn("broken.glb", self.replay([{"wait": "shown"}], code=3, model="broken.glb"))
 
+    def test_too_little_memory(self):
+        self.assertIn("need at least", self.replay([{"wait": "shown"}], "--max-memory", "20M", code=4))
+
     def test_a_picture_that_can_not_be_written(self):
         self.replay([{"wait": "shown", "save": "no/such/a.png"}], code=5)
 

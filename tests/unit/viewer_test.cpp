@@ -301,6 +301,7 @@ TEST_F(ViewerTest, BadFilesAreSaid) {
   }
   EXPECT_EQ(viewer.phase(), OpenPhase::kFailed);
   EXPECT_NE(viewer.message().find("missing.glb"), std::string::npos);
+  EXPECT_EQ(viewer.problem(), ExitCode::kInput);
   // A good one can follow.
   viewer.open(kCornell);
   while (!viewer.idle()) viewer.step(0.01);

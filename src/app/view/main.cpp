@@ -51,11 +51,9 @@ nlohmann::ordered_json machineRows(const trex::machines::Servers& servers) {
   return out;
 }
 
-/// The window was closed; whether it ever showed the model that was asked for. Why not was said.
+/// The window was closed; what kept it from showing the model that was asked for has been said.
 int closingCode(const trex::Viewer& viewer, int code) {
-  if (code == 0 && viewer.lost()) return static_cast<int>(*viewer.lost());
-  if (code != 0 || viewer.phase() != trex::OpenPhase::kFailed) return code;
-  return static_cast<int>(trex::ExitCode::kInput);
+  return code == 0 && viewer.problem() ? static_cast<int>(*viewer.problem()) : code;
 }
 
 /// Errors that are better said before a window opens.

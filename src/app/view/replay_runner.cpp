@@ -178,8 +178,7 @@ Turn ReplayRunner::turn(bool maySleep) {
   const Turn turn = loop_.turn(maySleep);
   if (interruptedBy() != 0) throw Stop{128 + interruptedBy()};
   // The viewer has said why.
-  if (viewer_.lost()) throw Stop{static_cast<int>(*viewer_.lost())};
-  if (viewer_.phase() == OpenPhase::kFailed) throw Stop{static_cast<int>(ExitCode::kInput)};
+  if (viewer_.problem()) throw Stop{static_cast<int>(*viewer_.problem())};
   const double at = now() - opened_.value_or(0.0);
   if (!shownAt_ && turn.presented && turn.step.coarseComplete) shownAt_ = at;
   if (!readyAt_ && viewer_.phase() == OpenPhase::kReady) readyAt_ = at;
