@@ -1,16 +1,15 @@
 // trex: command line, exit codes, and the last stop of every error.
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <csignal>
 #include <cstdio>
 #include <exception>
-#include <new>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "src/app/app.h"
 #include "src/bench/bench.h"
+#include "src/command/run_main.h"
 #include "src/core/error.h"
 #include "src/core/log.h"
 #include "src/core/version.h"
@@ -90,18 +89,4 @@ int run(int argc, char** argv) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  std::signal(SIGXFSZ, SIG_IGN);  // a file beyond the limit is an error of write() then
-  try {
-    return run(argc, argv);
-  } catch (const trex::Error& e) {
-    trex::logError("{}", e.what());
-    return static_cast<int>(e.code());
-  } catch (const std::bad_alloc&) {
-    trex::logError("out of memory; try a smaller --size or model");
-    return static_cast<int>(trex::ExitCode::kMemoryOrDevice);
-  } catch (const std::exception& e) {
-    trex::logError("{}", e.what());
-    return static_cast<int>(trex::ExitCode::kFailed);
-  }
-}
+int main(int argc, char** argv) { return trex::runMain(run, argc, argv); }

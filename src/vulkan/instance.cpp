@@ -1,47 +1,16 @@
 #include "src/vulkan/instance.h"
 
 #include <array>
-#include <atomic>
 #include <chrono>
-#include <cstdio>
-#include <cstdlib>
 #include <cstring>
 #include <mutex>
-#include <string_view>
 
 #include "src/core/error.h"
+#include "src/vulkan/validation.h"
 
 namespace trex::vulkan {
 
 namespace {
-
-constexpr const char* kValidationLayer = "VK_LAYER_KHRONOS_validation";
-std::atomic<std::uint64_t> messageCount{0};
-
-VKAPI_ATTR VkBool32 VKAPI_CALL onMessage(VkDebugUtilsMessageSeverityFlagBitsEXT,
-                                         VkDebugUtilsMessageTypeFlagsEXT,
-                                         const VkDebugUtilsMessengerCallbackDataEXT* data, void*) {
-  messageCount.fetch_add(1, std::memory_order_relaxed);
-  std::fprintf(stderr, "trex: validation: %s\n", data->pMessage);
-  return VK_FALSE;
-}
-
-VkDebugUtilsMessengerCreateInfoEXT messengerInfo() {
-  VkDebugUtilsMessengerCreateInfoEXT info{};
-  info.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT;
-  info.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT |
-                         VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
-  info.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT |
-                     VK_DEBUG_UTILS_MESSAGE_TYPE_PERFORMANCE_BIT_EXT;
-  info.pfnUserCallback = onMessage;
-  return info;
-}
-
-bool validationWanted() {
-  const char* value = std::getenv("TREX_VALIDATION");
-  const std::string_view text = value == nullptr ? "" : value;
-  return !text.empty() && text != "0";
-}
 
 void requireValidationLayer() {
   std::uint32_t count = 0;
@@ -52,10 +21,7 @@ void requireValidationLayer() {
   for (const auto& layer : layers) {
     if (std::strcmp(layer.layerName, kValidationLayer) == 0) return;
   }
-  fail(
-      ExitCode::kMemoryOrDevice,
-      "TREX_VALIDATION is set but {} is not installed: install vulkan-validationlayers or unset it",
-      kValidationLayer);
+  validationLayerMissing();
 }
 
 VkInstance createInstance(bool validation) {
@@ -64,7 +30,7 @@ VkInstance createInstance(bool validation) {
   application.pApplicationName = "trex";
   application.apiVersion = VK_API_VERSION_1_2;
 
-  const VkDebugUtilsMessengerCreateInfoEXT messenger = messengerInfo();
+  const VkDebugUtilsMessengerCreateInfoEXT messenger = messengerInfo(true);
   const VkValidationFeatureEnableEXT enable =
       VK_VALIDATION_FEATURE_ENABLE_SYNCHRONIZATION_VALIDATION_EXT;
   VkValidationFeaturesEXT features{};
@@ -98,8 +64,6 @@ VkInstance createInstance(bool validation) {
 
 }  // namespace
 
-std::uint64_t validationMessages() { return messageCount.load(); }
-
 DriversAhead::DriversAhead()
     : loading_([this] {
         try {
@@ -127,7 +91,7 @@ Instance::Instance() {
   instance_ = createInstance(validation);
   functions_ = loadInstanceFunctions(instance_);
   if (validation) {
-    const VkDebugUtilsMessengerCreateInfoEXT info = messengerInfo();
+    const VkDebugUtilsMessengerCreateInfoEXT info = messengerInfo(true);
     check(functions_.vkCreateDebugUtilsMessengerEXT(instance_, &info, nullptr, &messenger_),
           "starting Vulkan validation");
   }

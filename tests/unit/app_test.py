@@ -1,12 +1,9 @@
 #!/usr/bin/env python3
 """Tests of the program as a user runs it: results, wrong uses, bad files, interrupts, equal bits."""
-import argparse, json, math, os, shutil, signal, struct, subprocess, sys, tempfile, time, unittest
+import json, math, os, signal, struct, subprocess, time
 
-TREX = ASSETS = None
-
-
-def run(*arguments, **kw):
-    return subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=600, **kw)
+import program
+from program import ProgramTest, run, start
 
 
 def glb(tree, payload=b""):
@@ -38,21 +35,7 @@ def triangle(positions=(0, 0, 0, 1, 0, 0, 0, 1, 0), indices=(0, 1, 2), **changes
     return glb(tree, data)
 
 
-class AppTest(unittest.TestCase):
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="trex-app-")
-        self.cornell = os.path.join(ASSETS, "cornell.glb")
-
-    def tearDown(self):
-        shutil.rmtree(self.folder)
-
-    def path(self, name, data=None):
-        path = os.path.join(self.folder, name)
-        if data is not None:
-            with open(path, "wb") as f:
-                f.write(data)
-        return path
-
+class AppTest(ProgramTest):
     def refused(self, code, *arguments, says=""):
         """The command fails with the code and one clear line; no picture and no rest is left."""
         before = set(os.listdir(self.folder))
@@ -150,8 +133,8 @@ class AppTest(unittest.TestCase):
     def test_interrupt_saves_the_picture(self):
         for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
             out = self.path(f"{number}.png")
-            process = subprocess.Popen([TREX, "render", self.cornell, "-o", out, "--size", "64x64",
-                                        "--time", "600"], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+            process = start("render", self.cornell, "-o", out, "--size", "64x64", "--time", 600,
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE)
             time.sleep(3)
             process.send_signal(number)
             _, stderr = process.communicate(timeout=60)
@@ -205,14 +188,14 @@ class AppTest(unittest.TestCase):
                 ("bad.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "bad.obj"),
                 ("model.xyz", b"?", "model.xyz")):
             with self.subTest(name=name):
-                self.refused(3, "render", self.path(name, data), "-o", self.path("a.png"), "--spp", 1, says=says)
+                self.refused(3, "render", self.write(name, data), "-o", self.path("a.png"), "--spp", 1, says=says)
         self.refused(3, "render", self.path("missing.glb"), "-o", self.path("a.png"), says="missing.glb")
         self.refused(3, "render", self.folder, "-o", self.path("a.png"))
         self.refused(3, "render", self.cornell, "-o", self.path("a.png"), "--env", self.path("none.hdr"), says="none.hdr")
 
     def test_replaced_parts(self):
         """One bad part does not refuse the rest; it is counted, kept in bundles, and an error with --strict."""
-        bad = self.path("image.glb", triangle(
+        bad = self.write("image.glb", triangle(
             images=[{"uri": "data:image/png;base64,AAAA"}], textures=[{"source": 0}],
             materials=[{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
             meshes=[{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0}]}]))
@@ -248,7 +231,7 @@ class AppTest(unittest.TestCase):
 
     def test_framing_of_tall_pictures(self):
         """A bar without a camera is whole in a portrait too: both edges of the picture are background."""
-        bar = self.path("bar.glb", triangle(positions=(-10, 0, 0, 10, 0, 0, 10, 1, 0)))
+        bar = self.write("bar.glb", triangle(positions=(-10, 0, 0, 10, 0, 0, 10, 1, 0)))
         for size in ("32x32", "16x48"):
             out = self.path("a.exr")
             summary = json.loads(run("render", bar, "-o", out, "--size", size, "--spp", 4, "--exact", 1,
@@ -274,7 +257,7 @@ class AppTest(unittest.TestCase):
         self.refused(4, "render", self.cornell, "-o", self.path("a.png"), "--device", 99, "--spp", 1, says="--device none")
 
     def test_one_pixel_and_one_triangle(self):
-        model = self.path("one.glb", triangle())
+        model = self.write("one.glb", triangle())
         for device in ("none", "auto"):
             result = run("render", model, "-o", self.path("a.exr"), "--size", "1x1", "--spp", 1, "--device", device)
             self.assertEqual(result.returncode, 0, result.stderr)
@@ -295,9 +278,4 @@ class AppTest(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--trex", required=True)
-    parser.add_argument("--assets", required=True)
-    options, rest = parser.parse_known_args()
-    TREX, ASSETS = options.trex, options.assets
-    unittest.main(argv=[sys.argv[0], *rest], verbosity=2)
+    program.main()

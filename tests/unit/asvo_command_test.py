@@ -1,26 +1,14 @@
 #!/usr/bin/env python3
 """`trex bench asvo` and `trex export-vdb` on a tiny scene: keys, grids, wrong uses."""
-import argparse, json, os, shutil, subprocess, sys, tempfile, unittest
+import json, os
 
-TREX = ASSETS = None
-
-
-def run(*arguments):
-    return subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=600)
+import program
+from program import ProgramTest, run
 
 
-class AsvoCommandTest(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.folder = tempfile.mkdtemp(prefix="trex-asvo-")
-        cls.cornell = os.path.join(ASSETS, "cornell.glb")
-
-    @classmethod
-    def tearDownClass(cls):
-        shutil.rmtree(cls.folder)
-
+class AsvoCommandTest(ProgramTest):
     def test_bench_has_its_keys(self):
-        path = os.path.join(self.folder, "bench.json")
+        path = self.path("bench.json")
         result = run("bench", "asvo", self.cornell, "--depth", 5, "--cones", 2000, "--repeats", 1, "--device", "none",
                      "--json", path)
         self.assertEqual(result.returncode, 0, result.stderr)
@@ -40,10 +28,10 @@ class AsvoCommandTest(unittest.TestCase):
 
     def test_wrong_uses_of_bench(self):
         self.assertEqual(run("bench", "asvo").returncode, 2)
-        self.assertEqual(run("bench", "asvo", os.path.join(self.folder, "none.glb")).returncode, 3)
+        self.assertEqual(run("bench", "asvo", self.path("none.glb")).returncode, 3)
 
     def test_export_writes_four_grids(self):
-        path = os.path.join(self.folder, "cornell.vdb")
+        path = self.path("cornell.vdb")
         result = run("export-vdb", self.cornell, "-o", path, "--photons", 2000, "--voxel-depth", 5)
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertEqual(result.stdout.strip(), path)
@@ -54,15 +42,10 @@ class AsvoCommandTest(unittest.TestCase):
             self.assertIn(name, data)
 
     def test_wrong_uses_of_export(self):
-        self.assertEqual(run("export-vdb", self.cornell, "-o", os.path.join(self.folder, "x.exr")).returncode, 2)
-        self.assertEqual(run("export-vdb", "none.glb", "-o", os.path.join(self.folder, "x.vdb")).returncode, 3)
-        self.assertFalse(os.path.exists(os.path.join(self.folder, "x.vdb")))
+        self.assertEqual(run("export-vdb", self.cornell, "-o", self.path("x.exr")).returncode, 2)
+        self.assertEqual(run("export-vdb", "none.glb", "-o", self.path("x.vdb")).returncode, 3)
+        self.assertFalse(os.path.exists(self.path("x.vdb")))
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--trex", required=True)
-    parser.add_argument("--assets", required=True)
-    arguments, rest = parser.parse_known_args()
-    TREX, ASSETS = os.path.abspath(arguments.trex), os.path.abspath(arguments.assets)
-    unittest.main(argv=[sys.argv[0], *rest])
+    program.main()

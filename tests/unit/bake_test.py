@@ -1,13 +1,9 @@
 #!/usr/bin/env python3
 """Tests of `trex bake`, of rendering a bundle, and of `trex info`."""
-import argparse, json, math, os, random, resource, shutil, signal, struct, subprocess, sys, tempfile, time, unittest
-import zlib
+import json, math, os, random, resource, signal, struct, subprocess, sys, time, zlib
 
-TREX = ASSETS = None
-
-
-def run(*arguments, **kw):
-    return subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=600, **kw)
+import program
+from program import ProgramTest, run, start
 
 
 def wavy_ply(path, side):
@@ -96,25 +92,7 @@ def hdr(path, width, height):
                          for y in range(height) for x in range(width)))
 
 
-class BakeTest(unittest.TestCase):
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="trex-bake-")
-        self.cornell = os.path.join(ASSETS, "cornell.glb")
-
-    def tearDown(self):
-        shutil.rmtree(self.folder)
-
-    def path(self, name, data=None):
-        path = os.path.join(self.folder, name)
-        if data is not None:
-            with open(path, "wb") as f:
-                f.write(data)
-        return path
-
-    def read(self, path):
-        with open(path, "rb") as f:
-            return f.read()
-
+class BakeTest(ProgramTest):
     def done(self, *arguments, **kw):
         result = run(*arguments, **kw)
         self.assertEqual(result.returncode, 0, (arguments, result.stderr))
@@ -146,13 +124,13 @@ class BakeTest(unittest.TestCase):
 
     def test_two_bakes_are_equal(self):
         for name in ("cornell", "gallery"):
-            source = os.path.join(ASSETS, name + ".glb")
+            source = os.path.join(program.ASSETS, name + ".glb")
             first = self.read(self.bake(source, "--threads", 1))
             self.assertEqual(first, self.read(self.bake(source)), name)
 
     def test_bundles_render_the_same_bits(self):
         for name in ("cornell", "gallery"):
-            source = os.path.join(ASSETS, name + ".glb")
+            source = os.path.join(program.ASSETS, name + ".glb")
             bundle = self.bake(source)
             for exact in (0, 0.5, 1):
                 self.same_picture(source, bundle, "--exact", exact)
@@ -207,7 +185,7 @@ class BakeTest(unittest.TestCase):
         self.refused(3, "bake", self.path("none.glb"), "-o", self.path("y.trex"), says="no such file")
         self.refused(4, "bake", self.cornell, "-o", self.path("y.trex"), "--max-memory", "1M", says="--max-memory")
         self.refused(5, "bake", self.cornell, "-o", self.path("none/y.trex"), says="no folder")
-        picture = self.path("p.trex", b"my only copy")
+        picture = self.write("p.trex", b"my only copy")
         self.refused(5, "bake", self.cornell, "-o", picture, says="is not a trex bundle")
         self.assertEqual(self.read(picture), b"my only copy")
 
@@ -234,7 +212,7 @@ class BakeTest(unittest.TestCase):
         for data, says in ((good[:-1], "truncated"), (good[:5000], "truncated"), (good + b"x", "follows its end"),
                            (b"X" + good[1:], "not a trex bundle"), (b"", "empty"), (bytes(other), "bake again"),
                            (bytes(flipped), "damaged: page")):
-            self.path("bad.trex", data)
+            self.write("bad.trex", data)
             self.refused(3, "info", bad, "--verify", says=says)
             self.refused(3, "render", bad, "-o", self.path("a.png"), "--size", "16x16", says=says)
 
@@ -287,7 +265,7 @@ class BakeTest(unittest.TestCase):
         model = json.loads(self.done("info", self.path("spheres.gltf"), "--json").stdout)
         self.assertEqual((model["kind"], model["triangles"], model["cameras"]), ("model", 3 * 1152, ["front"]))
         self.refused(3, "info", self.path("none.trex"), says="No such file")
-        self.refused(3, "info", self.path("odd.xyz", b"what"), says="unknown extension")
+        self.refused(3, "info", self.write("odd.xyz", b"what"), says="unknown extension")
 
     def test_sections_are_files_of_their_own_formats(self):
         data = self.read(self.bake(self.cornell, "--depth", 4))
@@ -298,17 +276,16 @@ class BakeTest(unittest.TestCase):
             parts[name.rstrip(b"\0").decode()] = data[offset:offset + size]
         self.assertEqual(list(parts), ["scene.json", "world.hccm", "emitters.bin", "voxels.asvo"])
         self.assertEqual(json.loads(parts["scene.json"])["cameras"][0]["name"], "camera")
-        mesh = json.loads(self.done("info", self.path("a.hccm", parts["world.hccm"]), "--json").stdout)
+        mesh = json.loads(self.done("info", self.write("a.hccm", parts["world.hccm"]), "--json").stdout)
         self.assertEqual((mesh["kind"], mesh["triangles"]), ("hccmesh", 32))
-        tree = json.loads(self.done("info", self.path("a.asvo", parts["voxels.asvo"]), "--json").stdout)
+        tree = json.loads(self.done("info", self.write("a.asvo", parts["voxels.asvo"]), "--json").stdout)
         self.assertEqual((tree["kind"], tree["voxels"]["depth"]), ("asvo", 4))
         broken = bytearray(parts["world.hccm"])
         broken[200] ^= 8
-        self.refused(3, "info", self.path("a.hccm", bytes(broken)), says="a.hccm")
+        self.refused(3, "info", self.write("a.hccm", bytes(broken)), says="a.hccm")
 
     def start(self, source, out):
-        return subprocess.Popen([TREX, "-q", "bake", source, "-o", out], stdout=subprocess.DEVNULL,
-                                stderr=subprocess.DEVNULL)
+        return start("-q", "bake", source, "-o", out, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
     def temporary(self, process):
         return os.path.join(self.folder, f".x.{process.pid}.tmp.trex")
@@ -351,7 +328,7 @@ class BakeTest(unittest.TestCase):
     def test_rest_of_a_dead_bake_is_removed_and_said(self):
         dead = subprocess.Popen(["true"])
         dead.wait()
-        rest = self.path(f".x.{dead.pid}.tmp.trex", b"half")
+        rest = self.write(f".x.{dead.pid}.tmp.trex", b"half")
         result = self.done("bake", self.cornell, "-o", self.path("x.trex"), "--depth", 3)
         self.assertIn("removed what an interrupted bake left", result.stderr)
         self.assertFalse(os.path.exists(rest))
@@ -372,9 +349,4 @@ class BakeTest(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--trex", required=True)
-    parser.add_argument("--assets", required=True)
-    known, rest = parser.parse_known_args()
-    TREX, ASSETS = os.path.abspath(known.trex), os.path.abspath(known.assets)
-    unittest.main(argv=[sys.argv[0], *rest])
+    program.main()

@@ -1,17 +1,14 @@
 #!/usr/bin/env python3
 """`trex bench`: documents' keys, the page and the charts of tradeoff, wrong uses."""
-import argparse, html.parser, json, os, shutil, subprocess, sys, tempfile, unittest
+import html.parser, json, os, shutil, subprocess, sys, tempfile, unittest
 import xml.etree.ElementTree
 
 from exr_file import exr_bytes
+import program
+from program import run
 
-TREX = ASSETS = None
 SVG = "{http://www.w3.org/2000/svg}"
 VOID = {"meta", "img", "br"}
-
-
-def run(*arguments):
-    return subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=600)
 
 
 class Page(html.parser.HTMLParser):
@@ -43,7 +40,7 @@ class BenchTest(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.folder = tempfile.mkdtemp(prefix="trex-bench-")
-        cls.cornell = os.path.join(ASSETS, "cornell.glb")
+        cls.cornell = os.path.join(program.ASSETS, "cornell.glb")
         cls.report = os.path.join(cls.folder, "report.json")
         cls.result = run("bench", "tradeoff", cls.cornell, "--size", "32x32", "--seconds", 1, "--exact", "0,0.25,1",
                          "--reference-seconds", 1, "--device", "none", "--json", cls.report,
@@ -136,7 +133,7 @@ class BenchTest(unittest.TestCase):
             for r in d["scenes"][0]["runs"]:
                 for p in r["points"]:
                     p["flip"] /= factor
-        tool = os.path.join(os.path.dirname(ASSETS), "tests/bench/tradeoff_table.py")
+        tool = os.path.join(os.path.dirname(program.ASSETS), "tests/bench/tradeoff_table.py")
         at = "0.5"
         one, three = (subprocess.run([sys.executable, tool, *p, "--at", at], capture_output=True, text=True, check=True).stdout
                       for p in (paths[:1], paths))
@@ -306,9 +303,4 @@ class BenchTest(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--trex", required=True)
-    parser.add_argument("--assets", required=True)
-    options, rest = parser.parse_known_args()
-    TREX, ASSETS = options.trex, options.assets
-    unittest.main(argv=[sys.argv[0], *rest], verbosity=2)
+    program.main()

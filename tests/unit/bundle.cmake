@@ -4,6 +4,6 @@ add_executable(bundle_test ${CMAKE_CURRENT_LIST_DIR}/bundle_test.cpp
 target_link_libraries(bundle_test PRIVATE trex_bundle GTest::gtest_main)
 trex_gtest(bundle_test)
 
-trex_program_test(bake_test bake_test.py --assets ${CMAKE_SOURCE_DIR}/assets)
+trex_program_test(bake_test bake_test.py)
 
-trex_program_test(stream_bake_test stream_bake_test.py --assets ${CMAKE_SOURCE_DIR}/assets)
+trex_program_test(stream_bake_test stream_bake_test.py)

@@ -1,35 +1,14 @@
 #!/usr/bin/env python3
 """Tests of capture: several cameras, paths, layers, checkpoints through kills, signals, limits."""
-import argparse, json, os, random, shutil, signal, subprocess, sys, tempfile, time, unittest
+import json, os, random, signal, subprocess, time
 
-TREX = ASSETS = None
+import program
+from program import ProgramTest, run, start
+
 KILLS = 20
 
 
-def run(*arguments):
-    return subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=600)
-
-
-def read(path):
-    with open(path, "rb") as f:
-        return f.read()
-
-
-class CaptureTest(unittest.TestCase):
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="trex-capture-")
-        self.cornell = os.path.join(ASSETS, "cornell.glb")
-
-    def tearDown(self):
-        shutil.rmtree(self.folder)
-
-    def path(self, name, text=None):
-        path = os.path.join(self.folder, name)
-        if text is not None:
-            with open(path, "w") as f:
-                f.write(text)
-        return path
-
+class CaptureTest(ProgramTest):
     def render(self, *arguments, code=0, says="", device="none"):
         result = run("render", self.cornell, "--device", device, *arguments)
         self.assertEqual(result.returncode, code, result.stderr)
@@ -37,8 +16,7 @@ class CaptureTest(unittest.TestCase):
         return result
 
     def start(self, *arguments):
-        return subprocess.Popen([TREX, "render", self.cornell, *map(str, arguments)], stdout=subprocess.PIPE,
-                                stderr=subprocess.PIPE, text=True)
+        return start("render", self.cornell, *arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
 
     def wait_for(self, condition, process):
         for _ in range(1200):
@@ -63,10 +41,10 @@ class CaptureTest(unittest.TestCase):
                 time.sleep(chance.uniform(0.1, 0.1 + taken))
                 process.send_signal(signal.SIGKILL)
                 process.communicate()
-                self.assertFalse(os.path.exists(out) and read(out) != read(whole), "a wrong picture was left")
+                self.assertFalse(os.path.exists(out) and self.read(out) != self.read(whole), "a wrong picture was left")
             result = run("render", self.cornell, *parts)
             self.assertEqual(result.returncode, 0, result.stderr)
-            self.assertEqual(read(out), read(whole))
+            self.assertEqual(self.read(out), self.read(whole))
             os.remove(out), os.remove(state)
 
     def test_interrupt_saves_picture_and_checkpoint(self):
@@ -81,11 +59,11 @@ class CaptureTest(unittest.TestCase):
             self.skipTest("it was finished before the signal")
         self.assertEqual(process.returncode, 130, stderr)
         self.assertTrue(os.path.exists(out))
-        self.assertNotEqual(read(out), read(whole))
+        self.assertNotEqual(self.read(out), self.read(whole))
         result = run("render", self.cornell, "-o", out, *job, "--checkpoint", state, "--resume")
         self.assertEqual(result.returncode, 0, result.stderr)
         self.assertIn("going on after", result.stderr)
-        self.assertEqual(read(out), read(whole))
+        self.assertEqual(self.read(out), self.read(whole))
 
     def test_more_samples_than_the_finished_job(self):
         state = self.path("a.checkpoint")
@@ -93,19 +71,19 @@ class CaptureTest(unittest.TestCase):
         self.render("-o", self.path("a.exr"), *common, "--spp", 4)
         self.render("-o", self.path("a.exr"), *common, "--spp", 9, "--resume", says="going on after 4 samples")
         self.render("-o", self.path("b.exr"), "--size", "32x32", "--exact", 0.5, "--spp", 9)
-        self.assertEqual(read(self.path("a.exr")), read(self.path("b.exr")))
+        self.assertEqual(self.read("a.exr"), self.read("b.exr"))
 
     def test_checkpoints_of_other_jobs_are_refused(self):
         state, out = self.path("a.checkpoint"), self.path("a.exr")
         job = ["-o", out, "--size", "32x32", "--checkpoint", state, "--spp", 2]
         self.render(*job)
-        before = read(state)
+        before = self.read(state)
         self.render(*job, code=2, says="--resume")
         self.render(*job, "--resume", "--seed", 7, code=3, says="other settings")
         self.render(*job, "--resume", "--exact", 0, code=3, says="other settings")
         self.render("-o", out, "--size", "32x16", "--checkpoint", state, "--resume", code=3, says="other settings")
         self.render(*job, "--resume", "--camera", "1,1,1/0,0,0/0,1,0/40", code=3, says="other settings")
-        self.assertEqual(read(state), before)
+        self.assertEqual(self.read(state), before)
         with open(state, "r+b") as f:
             f.seek(300)
             f.write(b"?")
@@ -120,7 +98,7 @@ class CaptureTest(unittest.TestCase):
         self.render(*job, "--spp", 5)
         self.render(*job, "--spp", 14, "--resume", "--exact", "auto", says="going on after 5 samples")
         self.render("--size", "64x48", "-o", self.path("b.exr"), "--spp", 14)
-        self.assertEqual(read(self.path("a.exr")), read(self.path("b.exr")))
+        self.assertEqual(self.read("a.exr"), self.read("b.exr"))
 
     def test_hangup_writes_the_picture_and_goes_on(self):
         out = self.path("a.exr")
@@ -128,13 +106,13 @@ class CaptureTest(unittest.TestCase):
         time.sleep(1.5)
         process.send_signal(signal.SIGHUP)
         self.wait_for(lambda: os.path.exists(out), process)
-        early = read(out)
+        early = self.read(out)
         self.assertIsNone(process.poll())
         process.send_signal(signal.SIGTERM)
         _, stderr = process.communicate(timeout=60)
         self.assertEqual(process.returncode, 143, stderr)
         self.assertIn("going on", stderr)
-        self.assertNotEqual(read(out), early)
+        self.assertNotEqual(self.read(out), early)
 
     def test_a_lost_device_leaves_the_picture_so_far(self):
         out = self.path("a.exr")
@@ -146,8 +124,7 @@ class CaptureTest(unittest.TestCase):
 
     def lose_device(self, submit, *parts, guess="cone"):
         command = ["render", self.cornell, "--size", "64x64", "--guess", guess, *parts]
-        return subprocess.run([TREX, *map(str, command)], capture_output=True, text=True, timeout=600,
-                              env={**os.environ, "TREX_FAIL_SUBMIT": str(submit)})
+        return run(*command, env={**os.environ, "TREX_FAIL_SUBMIT": str(submit)})
 
     def test_after_a_lost_device_the_cpu_goes_on(self):
         whole, out = self.path("whole.exr"), self.path("a.exr")
@@ -160,7 +137,7 @@ class CaptureTest(unittest.TestCase):
             self.assertEqual(result.returncode, 0, result.stderr)
             self.assertEqual(result.stderr.count("going on with the C++ tracer"), 1, result.stderr)
             self.assertIn(", then cpu", json.loads(result.stdout)["device"])
-            self.assertIn(b", then cpu", read(out))
+            self.assertIn(b", then cpu", self.read(out))
             self.assertEqual(json.loads(result.stdout)["samples"], 32)
             diff = run("diff", out, whole, "--metric", "flip", "--max", 0.001)
             self.assertEqual(diff.returncode, 0, (submit, diff.stdout, diff.stderr))
@@ -182,8 +159,8 @@ class CaptureTest(unittest.TestCase):
         self.assertGreater(lost["gathered_by_device"], 0)
         self.assertLess(lost["gathered_by_device"], lost["g_rays"])
         self.assertEqual(lost["gathered_by_device"] + lost["gathered_by_cpu"], lost["g_rays"] + lost["cache_reads"])
-        self.assertIn(b", then cpu", read(out))
-        self.assertIn(b"trex:guess", read(out))
+        self.assertIn(b", then cpu", self.read(out))
+        self.assertIn(b"trex:guess", self.read(out))
         diff = run("diff", out, whole, "--metric", "flip", "--max", 0.001)
         self.assertEqual(diff.returncode, 0, (diff.stdout, diff.stderr))
 
@@ -197,7 +174,7 @@ class CaptureTest(unittest.TestCase):
             self.render("-o", out, *other, "--spp", 6, "--checkpoint", state, "--resume", code=3, says="other settings",
                         device=device)
             self.render("-o", out, *job, "--spp", 6, "--checkpoint", state, "--resume", device=device)
-            self.assertEqual(read(out), read(whole))
+            self.assertEqual(self.read(out), self.read(whole))
             os.remove(state)
 
     def test_several_cameras_make_numbered_pictures(self):
@@ -208,15 +185,15 @@ class CaptureTest(unittest.TestCase):
         self.assertEqual([x["output"] for x in json.loads(result.stdout)], names)
         for view, name in zip(views, names):
             self.render("-o", self.path("single.exr"), "--size", "24x16", "--spp", 2, "--camera", view)
-            self.assertEqual(read(self.path("single.exr")), read(name))
+            self.assertEqual(self.read("single.exr"), self.read(name))
 
     def test_camera_path(self):
-        cams = self.path("cams.json", json.dumps({"trex": 1, "cameras": [
+        cams = self.write("cams.json", json.dumps({"trex": 1, "cameras": [
             {"eye": [0, 1, 3.2], "target": [0, 1, 0], "vfov": 40, "fstop": 1.4, "focus": 3},
             {"eye": [0, 1, 3.2], "target": [0, 1, 0]}]}))
         result = self.render("-o", self.path("shot_##.png"), "--size", "24x16", "--spp", 2, "--path", cams)
         self.assertEqual(result.stdout.split(), [self.path("shot_01.png"), self.path("shot_02.png")])
-        self.assertNotEqual(read(self.path("shot_01.png")), read(self.path("shot_02.png")))
+        self.assertNotEqual(self.read("shot_01.png"), self.read("shot_02.png"))
         result = self.render("-o", self.path("b.png"), "--size", "8x8", "--spp", 1, "--camera", "all")
         self.assertEqual(result.stdout.split(), [self.path("b.png")])
 
@@ -235,14 +212,14 @@ class CaptureTest(unittest.TestCase):
                            (json.dumps({"trex": 1, "cameras": ["nobody"]}), "nobody"),
                            (json.dumps({"trex": 1, "cameras": [good], "fps": 3}), "/fps")):
             with self.subTest(data=data):
-                self.render("-o", out, "--path", self.path("cams.json", data), code=3, says=says)
+                self.render("-o", out, "--path", self.write("cams.json", data), code=3, says=says)
         self.render("-o", out, "--path", self.path("none.json"), code=3, says="none.json")
         self.render("-o", out, "--path", self.path("cams.json"), "--camera", "all", code=2, says="--path")
 
     def test_layers_and_metadata(self):
         out = self.path("a.exr")
         self.render("-o", out, "--size", "16x16", "--spp", 2, "--aov", "depth,objectId,direct", "--seed", 9)
-        data = read(out)
+        data = self.read(out)
         for name in (b"depth", b"objectId", b"direct.R", b"trex:seed", b"trex:camera", b"trex:nonFiniteSamples"):
             self.assertIn(name, data)
         self.assertNotIn(b"variance", data)
@@ -254,8 +231,8 @@ class CaptureTest(unittest.TestCase):
         self.render("-o", whole, *job, "--spp", 6)
         self.render("-o", out, *job, "--spp", 3, "--checkpoint", state)
         self.render("-o", out, *job, "--spp", 6, "--checkpoint", state, "--resume")
-        self.assertEqual(read(out), read(whole))
-        self.assertIn(b"trex:transparent", read(whole))
+        self.assertEqual(self.read(out), self.read(whole))
+        self.assertIn(b"trex:transparent", self.read(whole))
         for other in (job[:-3] + job[-2:], [x.replace("fstop=2", "fstop=4") for x in map(str, job)]):
             self.render("-o", out, *other, "--spp", 7, "--checkpoint", state, "--resume", code=3, says="other settings")
 
@@ -267,7 +244,7 @@ class CaptureTest(unittest.TestCase):
                               ("neutral.png", ["--tonemap", "neutral"]), ("default.png", []), ("deep.png", ["--bits", 16]),
                               ("a.jpg", ["--quality", 98])):
             self.render("-o", self.path(name), *job, *options)
-            pictures[name] = read(self.path(name))
+            pictures[name] = self.read(self.path(name))
         self.assertEqual(pictures["default.png"], pictures["neutral.png"])
         self.assertNotEqual(pictures["neutral.png"], pictures["none.png"])
         self.assertNotEqual(pictures["neutral.png"], pictures["agx.png"])
@@ -313,9 +290,9 @@ class CaptureTest(unittest.TestCase):
             if limit < 2 << 20:
                 self.assertLess(summary["voxel_page_slots"], summary["voxel_pages"])
                 self.assertGreater(summary["voxel_page_loads"], 0)
-                first = read(out)
+                first = self.read(out)
                 self.render("-o", out, *job, "--max-gpu-memory", limit, device="auto")
-                self.assertEqual(read(out), first, "not the same bits again")
+                self.assertEqual(self.read(out), first, "not the same bits again")
             diff = run("diff", out, whole, "--metric", "flip", "--max", flip)
             self.assertEqual(diff.returncode, 0, (limit, diff.stdout, diff.stderr))
         result = self.render("-o", out, *job, "--max-gpu-memory", "64K", device="auto", code=4,
@@ -324,9 +301,4 @@ class CaptureTest(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--trex", required=True)
-    parser.add_argument("--assets", required=True)
-    options, rest = parser.parse_known_args()
-    TREX, ASSETS = options.trex, options.assets
-    unittest.main(argv=[sys.argv[0], *rest], verbosity=2)
+    program.main()

@@ -1,15 +1,12 @@
 #!/usr/bin/env python3
 """`trex diff` as a user runs it: exit codes, reasons, JSON, heat maps, bad files and wrong uses."""
-import argparse, json, math, os, shutil, struct, subprocess, sys, tempfile, unittest, zlib
+import json, math, os, struct, zlib
 
 from exr_file import exr_bytes, rgb
+import program
+from program import ProgramTest, run
 
-TREX = None
 NAN = float("nan")
-
-
-def run(*arguments):
-    return subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=300)
 
 
 def pattern(width, height):
@@ -26,23 +23,13 @@ def png_bytes(width, height, pixels):
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
 
 
-class DiffTest(unittest.TestCase):
+class DiffTest(ProgramTest):
     def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="trex-diff-")
+        super().setUp()
         self.good = self.exr("good.exr", pattern(8, 8))
 
-    def tearDown(self):
-        shutil.rmtree(self.folder)
-
-    def path(self, name, data=None):
-        path = os.path.join(self.folder, name)
-        if data is not None:
-            with open(path, "wb") as f:
-                f.write(data)
-        return path
-
     def exr(self, name, pixels, width=8, height=8, **layers):
-        return self.path(name, exr_bytes(width, height, {**rgb(pixels), **layers}))
+        return self.write(name, exr_bytes(width, height, {**rgb(pixels), **layers}))
 
     def compare(self, a, b, *options, code=0):
         result = run("diff", a, b, "--json", *options)
@@ -124,7 +111,7 @@ class DiffTest(unittest.TestCase):
         found = self.compare(layered, self.good, code=6)
         self.assertEqual((found["channels_only_in_a"], found["channels_only_in_b"]), (["depth"], []))
         self.assertEqual(found["rmse"], 0)
-        lacking = self.path("rb.exr", exr_bytes(8, 8, {"R": [0.5] * 64, "B": [0.5] * 64}))
+        lacking = self.write("rb.exr", exr_bytes(8, 8, {"R": [0.5] * 64, "B": [0.5] * 64}))
         found = self.compare(lacking, self.good, code=6)
         self.assertEqual(found["channels_only_in_b"], ["G"])
         self.assertIsNone(found["rmse"])
@@ -157,8 +144,8 @@ class DiffTest(unittest.TestCase):
 
     def test_png(self):
         pixels = [(x * 16 + 8, y * 16 + 8, 128) for y in range(16) for x in range(16)]
-        a = self.path("a.png", png_bytes(16, 16, pixels))
-        b = self.path("b.png", png_bytes(16, 16, [(r, g, 131) for r, g, _ in pixels]))
+        a = self.write("a.png", png_bytes(16, 16, pixels))
+        b = self.write("b.png", png_bytes(16, 16, [(r, g, 131) for r, g, _ in pixels]))
         found = self.compare(b, a, code=6)
         self.assertEqual(found["exposure_stops"], 0)
         self.assertAlmostEqual(found["psnr_db"], -10 * math.log10((3 / 255) ** 2 / 3), places=2)
@@ -195,7 +182,7 @@ class DiffTest(unittest.TestCase):
                 ("words.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 70000 +X 70000\n"),
                 ("picture.bmp", data), ("name", data)):
             with self.subTest(name=name):
-                bad = self.path(name, content)
+                bad = self.write(name, content)
                 self.refused(3, bad, self.good, says=name)
                 self.refused(3, self.good, bad, says=name)
                 os.remove(bad)
@@ -216,8 +203,4 @@ class DiffTest(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--trex", required=True)
-    options, rest = parser.parse_known_args()
-    TREX = options.trex
-    unittest.main(argv=[sys.argv[0], *rest], verbosity=2)
+    program.main()

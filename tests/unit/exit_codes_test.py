@@ -5,17 +5,17 @@ A row: exit code | words of the message | arguments. {cornell} is a good model, 
 {png} and {exr} pictures that could be written, {FILE} one of the files of FILES. Rows of a command that
 the program does not have are left out, but for those of COMMANDS, which it must have.
 """
-import argparse
 import json
 import os
 import shlex
 import shutil
 import subprocess
-import sys
 import tempfile
+import sys
 import unittest
 
-TREX, ASSETS = "", ""
+import program
+
 COMMANDS = {"render", "doctor", "diff", "merge"}
 
 ROWS = """
@@ -140,7 +140,7 @@ FILES = {
 
 
 def run(arguments, folder, **environment):
-    return subprocess.run([TREX, *arguments], capture_output=True, text=True, timeout=300, cwd=folder,
+    return subprocess.run([program.TREX, *arguments], capture_output=True, text=True, timeout=300, cwd=folder,
                           env={**os.environ, **environment})
 
 
@@ -148,7 +148,7 @@ class ExitCodes(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         cls.files = tempfile.mkdtemp(prefix="trex-exit-codes-")
-        cls.cornell = os.path.join(ASSETS, "cornell.glb")
+        cls.cornell = os.path.join(program.ASSETS, "cornell.glb")
         cls.folder = os.path.join(cls.files, "dir")
         for name in ("dir", "folder.png"):
             os.mkdir(os.path.join(cls.files, name))
@@ -244,23 +244,23 @@ class Start(unittest.TestCase):
 
     def test_nothing_waits_for_the_image_library(self):
         environment = dict(os.environ, LD_TRACE_LOADED_OBJECTS="1")
-        loaded = subprocess.run([TREX], env=environment, capture_output=True, text=True).stdout
+        loaded = subprocess.run([program.TREX], env=environment, capture_output=True, text=True).stdout
         self.assertIn("libembree", loaded)
         self.assertNotIn("OpenImageIO", loaded)
 
     def test_a_missing_image_library_is_named_before_anything_is_rendered(self):
         with tempfile.TemporaryDirectory() as folder:
-            alone = shutil.copy(TREX, folder)
+            alone = shutil.copy(program.TREX, folder)
             version = subprocess.run([alone, "--version"], capture_output=True)
             self.assertEqual(version.returncode, 0)
             result = subprocess.run(
-                [alone, "render", os.path.join(ASSETS, "cornell.glb"), "-o", os.path.join(folder, "a.exr"),
+                [alone, "render", os.path.join(program.ASSETS, "cornell.glb"), "-o", os.path.join(folder, "a.exr"),
                  "--time", "1000", "--exact", "1"], capture_output=True, text=True, timeout=60)
             self.assertEqual(result.returncode, 4, result.stderr)
             self.assertIn("OpenImageIO can't be used", result.stderr)
-            self.assertEqual(os.listdir(folder), [os.path.basename(TREX)])
+            self.assertEqual(os.listdir(folder), [os.path.basename(program.TREX)])
             # A .png is written without it.
-            subprocess.run([alone, "render", os.path.join(ASSETS, "cornell.glb"), "-o", os.path.join(folder, "a.png"),
+            subprocess.run([alone, "render", os.path.join(program.ASSETS, "cornell.glb"), "-o", os.path.join(folder, "a.png"),
                             "--spp", "1", "--size", "8x8", "--exact", "1"], check=True, capture_output=True)
 
 
@@ -329,7 +329,7 @@ class Doctor(unittest.TestCase):
                 self.assertIsNone(found["measured"])
                 self.assertTrue(any("machine.json" in p for p in found["problems"]), found["problems"])
             # A render that would ask it goes on without; others do not look.
-            job = [TREX, "render", os.path.join(ASSETS, "cornell.glb"), "-o", os.path.join(folder, "a.exr"), "--size", "8x8", "--spp", "1"]
+            job = [program.TREX, "render", os.path.join(program.ASSETS, "cornell.glb"), "-o", os.path.join(folder, "a.exr"), "--size", "8x8", "--spp", "1"]
             for options, says in (([], True), (["--guess", "ray"], False), (["--device", "none"], False), (["--exact", "1"], False)):
                 result = subprocess.run([*job, *options], capture_output=True, text=True, timeout=600,
                                         env={**os.environ, "XDG_STATE_HOME": folder})
@@ -354,7 +354,7 @@ class Doctor(unittest.TestCase):
         # Enough to start, not enough to render.
         script = 'ulimit -v $(($1 * 1024)); shift; exec "$@"'
         for megabytes in (500, 550, 600, 650, 700):
-            result = subprocess.run(["bash", "-c", script, "-", str(megabytes), TREX, "doctor"], capture_output=True,
+            result = subprocess.run(["bash", "-c", script, "-", str(megabytes), program.TREX, "doctor"], capture_output=True,
                                     text=True, env={**os.environ, "VK_ICD_FILENAMES": "/nonexistent"})
             if result.returncode == 4 and "problem: only" in result.stdout:
                 self.assertIn("ulimit", result.stderr)
@@ -364,9 +364,4 @@ class Doctor(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--trex", required=True)
-    parser.add_argument("--assets", required=True)
-    options, rest = parser.parse_known_args()
-    TREX, ASSETS = os.path.abspath(options.trex), os.path.abspath(options.assets)
-    unittest.main(argv=[sys.argv[0], *rest], verbosity=2)
+    program.main()

@@ -4,14 +4,12 @@
 A model with such numbers is either refused (exit 3, one line) or rendered without a single sample
 that is not finite, with a quarter of the samples traced exactly.
 """
-import argparse, json, os, shutil, struct, subprocess, sys, tempfile, unittest
+import json, os, struct
 
-TREX = None
+import program
+from program import ProgramTest, run
+
 NAN, INFINITY, DENORMAL, HUGE = float("nan"), float("inf"), 1e-42, 3e38
-
-
-def run(*arguments):
-    return subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=600)
 
 
 def glb(tree, payload=b""):
@@ -113,24 +111,15 @@ def float_exr(width, height, value):
     return header + table + rows
 
 
-class Extremes(unittest.TestCase):
+class Extremes(ProgramTest):
     def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="trex-extremes-")
-        self.out = os.path.join(self.folder, "out.exr")
-
-    def tearDown(self):
-        shutil.rmtree(self.folder)
-
-    def path(self, name, data):
-        path = os.path.join(self.folder, name)
-        with open(path, "wb") as f:
-            f.write(data)
-        return path
+        super().setUp()
+        self.out = self.path("out.exr")
 
     def survives(self, model, *more, refused=None):
         """Renders finite samples alone, or ends with exit 3. Gives the summary, None if refused."""
         data = model.bytes() if isinstance(model, Model) else model
-        result = run("render", self.path("m.glb", data), "-o", self.out, "--size", "12x12", "--spp",
+        result = run("render", self.write("m.glb", data), "-o", self.out, "--size", "12x12", "--spp",
                      8, "--exact", 0.25, "--device", "none", "--json", *more)
         self.assertIn(result.returncode, (0, 3), result.stderr)
         if refused is not None:
@@ -219,8 +208,8 @@ class Extremes(unittest.TestCase):
             model = Model()
             model.node = {"mesh": 0, "translation": [far, -far, far]}
             model.camera_node = {"camera": 0, "translation": [far, 0.5 - far, 3 + far]}
-            out = os.path.join(self.folder, "far.png")
-            result = run("render", self.path("m.glb", model.bytes()), "-o", out, "--size", "48x48",
+            out = self.path("far.png")
+            result = run("render", self.write("m.glb", model.bytes()), "-o", out, "--size", "48x48",
                          "--spp", 16, "--exact", 0.25, "--device", "none", "--exposure", 0)
             self.assertEqual(result.returncode, 0, result.stderr)
             with open(out, "rb") as f:
@@ -238,7 +227,7 @@ class Extremes(unittest.TestCase):
                 self.survives(model)
 
     def test_cameras_of_the_command_line(self):
-        model = self.path("m.glb", Model().bytes())
+        model = self.write("m.glb", Model().bytes())
         for camera in ("nan,0,0/0,0,1/0,1,0/40", "inf,0,0/0,0,1/0,1,0/40", "0,0,0/0,0,0/0,1,0/40",
                        "0,0,0/0,0,1/0,0,1/40", "0,0,0/0,0,1/0,1,0/nan"):
             with self.subTest(camera=camera):
@@ -252,7 +241,7 @@ class Extremes(unittest.TestCase):
 
     def test_environments(self):
         for color in ("nan,0,0", "inf,1,1", "-1,0,0", "1e999,0,0"):
-            result = run("render", self.path("m.glb", Model().bytes()), "-o", self.out, "--env",
+            result = run("render", self.write("m.glb", Model().bytes()), "-o", self.out, "--env",
                          color, "--size", "8x8", "--spp", 1)
             self.assertEqual(result.returncode, 2, (color, result.stderr))
         for color in ("1e-42,0,0", "3e38,3e38,3e38"):
@@ -262,7 +251,7 @@ class Extremes(unittest.TestCase):
         bad = {(1, 1): NAN, (2, 1): INFINITY, (3, 1): -INFINITY, (4, 1): -5.0, (5, 1): DENORMAL,
                (6, 1): HUGE}
         sky = float_exr(16, 8, lambda x, y: (bad.get((x, y), 0.5),) * 3)
-        self.survives(Model(), "--env", self.path("sky.exr", sky), refused=False)
+        self.survives(Model(), "--env", self.write("sky.exr", sky), refused=False)
 
     def test_empty_scenes(self):
         self.survives(glb({"asset": {"version": "2.0"}, "scenes": [{"nodes": []}], "scene": 0}),
@@ -270,11 +259,11 @@ class Extremes(unittest.TestCase):
         ply = ("ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\n"
                "property float z\nend_header\n")
         for name, text in (("e.obj", "v 0 0 0\n"), ("e.ply", ply)):
-            result = run("render", self.path(name, text.encode()), "-o", self.out)
+            result = run("render", self.write(name, text.encode()), "-o", self.out)
             self.assertEqual(result.returncode, 3, result.stderr)
 
     def test_sizes(self):
-        model = self.path("m.glb", Model().bytes())
+        model = self.write("m.glb", Model().bytes())
         for size in ("1x1", "16384x4", "4x16384"):
             for exact in (0, 1):
                 result = run("render", model, "-o", self.out, "--size", size, "--spp", 1, "--exact",
@@ -292,8 +281,4 @@ class Extremes(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--trex", required=True)
-    arguments, rest = parser.parse_known_args()
-    TREX = os.path.abspath(arguments.trex)
-    unittest.main(argv=[sys.argv[0], *rest], verbosity=2)
+    program.main()

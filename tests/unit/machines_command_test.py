@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """`mpirun trex render`: the same bytes by 1, 2 and 4 processes, signals, lost and stopped processes, errors. Without mpirun
 or a build with MPI only what needs neither is tested."""
-import json, os, shutil, signal, subprocess, sys, time, unittest
+import json, os, shutil, signal, subprocess, time
 import program
 from program import ProgramTest
 
@@ -9,7 +9,7 @@ MPIRUN = ["mpirun", "--oversubscribe", "--allow-run-as-root", "--bind-to", "none
 
 
 def has_mpi():
-    beside = os.path.join(os.path.dirname(program._trex), "libtrex_mpi.so")
+    beside = os.path.join(os.path.dirname(program.TREX), "libtrex_mpi.so")
     return shutil.which("mpirun") is not None and os.path.exists(beside)
 
 
@@ -25,9 +25,6 @@ class Machines(ProgramTest):
         self.cornell = os.path.join(assets, "cornell.glb")
         self.environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_"))}
 
-    def read(self, name):
-        return contents(self.path(name))
-
     def alone(self, *arguments, code=0, model=None):
         p = program.run("render", model or self.cornell, "--device", "none", "--threads", 1, *arguments)
         self.assertEqual(p.returncode, code, p.stderr)
@@ -39,11 +36,11 @@ class Machines(ProgramTest):
             self.skipTest("no mpirun, or a build without MPI")
         one = ["render", model or self.cornell, "--device", "none", "--threads", 1, *arguments]
         if not folders and not differs:
-            return [*MPIRUN, "-n", str(processes), program._trex, *map(str, one)]
+            return [*MPIRUN, "-n", str(processes), program.TREX, *map(str, one)]
         command = list(MPIRUN)
         for i in range(processes):
             place = ["-wdir", folders[i]] if folders else []
-            command += [":"] * (i > 0) + ["-n", "1", *place, program._trex, *map(str, one), *map(str, differs.get(i, []))]
+            command += [":"] * (i > 0) + ["-n", "1", *place, program.TREX, *map(str, one), *map(str, differs.get(i, []))]
         return command
 
     def test_a_device_that_is_lost_does_not_change_the_picture(self):
@@ -54,7 +51,7 @@ class Machines(ProgramTest):
                 job = ["render", self.cornell, "--size", "64x64", "--spp", spp, "--denoise", "off", "--guess", "cone", "--threads", 1]
                 one, out = self.path("one.exr"), self.path("out.exr")
                 self.assertEqual(program.run(*job, "-o", one).returncode, 0)
-                trex = [program._trex, *map(str, job), "-o", out, "--json", "--scene-db", "local"]
+                trex = [program.TREX, *map(str, job), "-o", out, "--json", "--scene-db", "local"]
                 command = list(MPIRUN)
                 for i in (0, 1):
                     fails = ["env", "TREX_FAIL_SUBMIT=3"] if i == loser else []
@@ -75,7 +72,7 @@ class Machines(ProgramTest):
         job = ["render", self.cornell, "--size", "64x64", "--spp", 9, "--guess", 0.5, "--exact", 0.25, "--threads", 1, "--json"]
         pictures, reports = [], []
         for name, before in (("one.exr", []), ("two.exr", [*MPIRUN, "-n", "2"])):
-            p = subprocess.run([*before, program._trex, *map(str, job), "-o", self.path(name)], capture_output=True, text=True,
+            p = subprocess.run([*before, program.TREX, *map(str, job), "-o", self.path(name)], capture_output=True, text=True,
                                timeout=120, env=self.environment)
             self.assertEqual(p.returncode, 0, p.stderr)
             pictures.append(self.read(name))
@@ -295,7 +292,7 @@ class Machines(ProgramTest):
         mpirun = os.path.join(folder, "bin", "mpirun")
         libraries = os.path.join(folder, "lib")
         command = [mpirun, "--with-ft", "ulfm", "--allow-run-as-root", "--bind-to", "none", "--map-by", ":OVERSUBSCRIBE", "-n",
-                   str(processes), program._trex, "render", model or self.cornell, "--device", "none", "--threads", "1"]
+                   str(processes), program.TREX, "render", model or self.cornell, "--device", "none", "--threads", "1"]
         p = subprocess.Popen([*command, *map(str, arguments)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
                              env={**self.environment, "LD_LIBRARY_PATH": libraries})
         self.addCleanup(self.end, p)
@@ -402,7 +399,7 @@ class Machines(ProgramTest):
     def test_what_several_machines_can_not_do_is_refused(self):
         self.together(2, "-o", self.path("a.exr"), "--trace", self.path("t.json"), code=2, says="--trace")
         if has_mpi():
-            p = subprocess.run([*MPIRUN, "-n", "2", program._trex, "info", self.cornell], capture_output=True, text=True,
+            p = subprocess.run([*MPIRUN, "-n", "2", program.TREX, "info", self.cornell], capture_output=True, text=True,
                                timeout=60, env=self.environment)
             self.assertEqual(p.returncode, 2)
             self.assertEqual(p.stderr.count("trex info: runs on one machine"), 1, p.stderr)
@@ -410,7 +407,7 @@ class Machines(ProgramTest):
     # ---- without MPI ----
 
     def test_one_process_loads_no_mpi(self):
-        p = subprocess.run([program._trex, "render", self.cornell, "-o", self.path("a.exr"), "--size", "8x8", "--spp", "1",
+        p = subprocess.run([program.TREX, "render", self.cornell, "-o", self.path("a.exr"), "--size", "8x8", "--spp", "1",
                             "--device", "none"], capture_output=True, text=True, timeout=60,
                            env={**self.environment, "LD_DEBUG": "libs"})
         self.assertEqual(p.returncode, 0)
@@ -420,7 +417,7 @@ class Machines(ProgramTest):
 
     def test_a_program_without_its_mpi_library_says_so(self):
         alone = os.path.join(self.folder, "trex")
-        shutil.copy(program._trex, alone)
+        shutil.copy(program.TREX, alone)
         p = subprocess.run([alone, "render", self.cornell, "-o", self.path("a.exr")], capture_output=True, text=True, timeout=60,
                            env={**self.environment, "OMPI_COMM_WORLD_SIZE": "2", "OMPI_COMM_WORLD_RANK": "0"})
         self.assertEqual(p.returncode, 4)

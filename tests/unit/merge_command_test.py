@@ -1,14 +1,10 @@
 #!/usr/bin/env python3
 """`trex merge` as a user runs it: the merged picture, what is refused, wrong uses."""
-import argparse, json, os, shutil, subprocess, sys, tempfile, unittest
+import json, os
 
 from exr_file import exr_bytes, rgb
-
-TREX = None
-
-
-def run(*arguments):
-    return subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=300)
+import program
+from program import ProgramTest, run
 
 
 def layers(value, count, variance):
@@ -16,19 +12,13 @@ def layers(value, count, variance):
     return {**rgb([(value, value, value)]), **{f"variance.{c}": [variance] for c in "RGB"}, "sampleCount": [count]}
 
 
-class MergeTest(unittest.TestCase):
+class MergeTest(ProgramTest):
     def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="trex-merge-")
+        super().setUp()
         # Samples 1, 3 and 2, 4, 6: means 2 and 4, variances of the mean 1 and 4 / 3.
         self.a = self.exr("a.exr", layers(2, 2, 1), seed=0)
         self.b = self.exr("b.exr", layers(4, 3, 4 / 3), seed=1)
         self.out = self.path("out.exr")
-
-    def tearDown(self):
-        shutil.rmtree(self.folder)
-
-    def path(self, name):
-        return os.path.join(self.folder, name)
 
     def exr(self, name, channels, width=1, height=1, **metadata):
         metadata = {"scene": "room.glb", "camera": "first", "exact": "1", "samples": 2, **metadata}
@@ -105,8 +95,4 @@ class MergeTest(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--trex", required=True)
-    options, rest = parser.parse_known_args()
-    TREX = options.trex
-    unittest.main(argv=[sys.argv[0], *rest], verbosity=2)
+    program.main()

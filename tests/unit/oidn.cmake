@@ -10,5 +10,4 @@ target_compile_definitions(oidn_test PRIVATE TREX_FAKE_OIDN="$<TARGET_FILE:fake_
   TREX_FAKE_OIDN_OLD="$<TARGET_FILE:fake_oidn_old>")
 add_dependencies(oidn_test fake_oidn fake_oidn_old)
 trex_gtest(oidn_test)
-trex_program_test(oidn_command_test oidn_command_test.py --assets ${CMAKE_SOURCE_DIR}/assets
-  --fake $<TARGET_FILE:fake_oidn>)
+trex_program_test(oidn_command_test oidn_command_test.py --fake $<TARGET_FILE:fake_oidn>)

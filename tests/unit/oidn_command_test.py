@@ -1,30 +1,19 @@
 #!/usr/bin/env python3
 """--denoise of `trex render`, and `trex denoise`, as a user runs them: with a library that pretends to be Open
 Image Denoise and hands over its input, without any, and with the real one where scripts/oidn has brought it."""
-import argparse, json, os, shutil, subprocess, sys, tempfile, unittest
+import json, os
 
 from exr_file import exr_bytes, rgb
+import program
+from program import ProgramTest
 
-TREX = ASSETS = FAKE = None
 
-
-class OidnTest(unittest.TestCase):
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="trex-oidn-")
-        self.cornell = os.path.join(ASSETS, "cornell.glb")
-
-    def tearDown(self):
-        shutil.rmtree(self.folder)
-
-    def path(self, name):
-        return os.path.join(self.folder, name)
-
+class OidnTest(ProgramTest):
     def run_trex(self, *arguments, library=None, mode="", code=0, says=""):
-        environment = {**os.environ, "TREX_OIDN": library or FAKE, "FAKE_OIDN": mode}
+        environment = {**os.environ, "TREX_OIDN": library or program.options.fake, "FAKE_OIDN": mode}
         if library == "brought":
             del environment["TREX_OIDN"]
-        result = subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=300,
-                                env=environment)
+        result = program.run(*arguments, env=environment)
         self.assertEqual(result.returncode, code, (arguments, result.stderr))
         self.assertIn(says, result.stderr)
         if code == 0 and not says:
@@ -122,7 +111,7 @@ class OidnTest(unittest.TestCase):
     def test_doctor(self):
         found = json.loads(self.run_trex("doctor", "--json").stdout)["denoiser"]
         self.assertEqual((found["default"], found["library"], found["version"], found["device"]),
-                         ("oidn", FAKE, "2.9.0", "CPU, pretended"))
+                         ("oidn", program.options.fake, "2.9.0", "CPU, pretended"))
         self.assertIn("2.9.0 on CPU, pretended", self.run_trex("doctor").stdout)
         found = json.loads(self.run_trex("doctor", "--json", library="none").stdout)
         self.assertEqual(found["denoiser"]["default"], "filter")
@@ -206,10 +195,4 @@ class OidnTest(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--trex", required=True)
-    parser.add_argument("--assets", required=True)
-    parser.add_argument("--fake", required=True)
-    options, rest = parser.parse_known_args()
-    TREX, ASSETS, FAKE = options.trex, options.assets, options.fake
-    unittest.main(argv=[sys.argv[0], *rest], verbosity=2)
+    program.main("fake")

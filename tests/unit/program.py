@@ -1,18 +1,22 @@
 """What tests of the program share: a folder of their own, files in it, and the program's ends. Standard library only."""
 import argparse, os, shutil, struct, subprocess, tempfile, unittest, zlib
 
-_trex = None
+ASSETS = os.path.abspath(os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "..", "assets"))
+# Absolute, and what main() was given beside it, from main() on.
+TREX, options = None, None
 
 
-def run(*arguments, timeout=300):
-    return subprocess.run([_trex, *map(str, arguments)], capture_output=True, text=True, timeout=timeout)
+def run(*arguments, timeout=600, **how):
+    return subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=timeout, **how)
 
 
-def start(*arguments, **options):
-    return subprocess.Popen([_trex, *map(str, arguments)], **options)
+def start(*arguments, **how):
+    return subprocess.Popen([TREX, *map(str, arguments)], **how)
 
 
 class ProgramTest(unittest.TestCase):
+    cornell = os.path.join(ASSETS, "cornell.glb")
+
     def setUp(self):
         self.folder = tempfile.mkdtemp(prefix=f"trex-{type(self).__name__.lower()}-")
         self.addCleanup(shutil.rmtree, self.folder)
@@ -24,6 +28,11 @@ class ProgramTest(unittest.TestCase):
         with open(self.path(name), "wb") as f:
             f.write(data if isinstance(data, bytes) else data.encode())
         return self.path(name)
+
+    def read(self, name):
+        """The bytes of a file of the folder, or of a path."""
+        with open(self.path(name), "rb") as f:
+            return f.read()
 
     def trex(self, *arguments, code=0):
         """What the program says, on both of its outputs."""
@@ -42,11 +51,13 @@ def png(width, texels):
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", zlib.compress(data)) + chunk(b"IEND", b"")
 
 
-def main():
-    """Runs the tests of the calling script with the program that its option --trex names."""
-    global _trex
+def main(*more):
+    """Runs the tests of the calling script with the program that its option --trex names; options named in `more` are put
+    into `options`."""
+    global TREX, options
     parser = argparse.ArgumentParser()
-    parser.add_argument("--trex", required=True)
+    for name in ("trex", *more):
+        parser.add_argument("--" + name, required=True)
     options, rest = parser.parse_known_args()
-    _trex = os.path.abspath(options.trex)
+    TREX = os.path.abspath(options.trex)
     unittest.main(module="__main__", argv=["test", *rest], verbosity=1)

@@ -1,13 +1,11 @@
 #!/usr/bin/env python3
 """Tests of streamed bakes on the command line: --stream, --resume after kill -9, --cache, verify, faults."""
-import argparse, json, math, os, random, resource, shutil, signal, struct, subprocess, tempfile, time, unittest
+import json, math, os, random, resource, signal, struct, subprocess, time
 
-TREX = ASSETS = None
+import program
+from program import ProgramTest, run, start
+
 MODEL = "synth:assembly?triangles=6e4"
-
-
-def run(*arguments, **kw):
-    return subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=300, **kw)
 
 
 def wavy_ply(path, side, last=None, quads=False, attributes=False):
@@ -38,14 +36,7 @@ def wavy_ply(path, side, last=None, quads=False, attributes=False):
             f.write(struct.pack(f"<B{len(face)}i", len(face), *face))
 
 
-class StreamBake(unittest.TestCase):
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="trex-stream-")
-        self.addCleanup(shutil.rmtree, self.folder)
-
-    def path(self, name):
-        return os.path.join(self.folder, name)
-
+class StreamBake(ProgramTest):
     def bake(self, name, *options, model=MODEL, code=0):
         p = run("bake", model, "-o", self.path(name), "--json", *options)
         self.assertEqual(p.returncode, code, p.stderr)
@@ -56,10 +47,6 @@ class StreamBake(unittest.TestCase):
                 "--json", *options)
         self.assertEqual(p.returncode, code, p.stderr)
         return json.loads(p.stdout) if code == 0 else p.stderr
-
-    def read(self, name):
-        with open(self.path(name), "rb") as f:
-            return f.read()
 
     def left_over(self):
         return [f for f in os.listdir(self.folder) if f.startswith(".")]
@@ -81,7 +68,7 @@ class StreamBake(unittest.TestCase):
             self.assertLess(abs(d["mean_ratio"] - 1), 0.02, options)
 
     def test_models_of_files_stream_too(self):
-        model = os.path.join(ASSETS, "gallery.glb")
+        model = os.path.join(program.ASSETS, "gallery.glb")
         a = self.bake("a.trex", "--stream", "--no-voxels", model=model)
         b = self.bake("b.trex", "--no-voxels", model=model)
         self.assertLessEqual(abs(a["triangles"] + a["dropped_triangles"] - b["triangles"]), b["triangles"] * 0.01)
@@ -219,7 +206,7 @@ class StreamBake(unittest.TestCase):
         noise = random.Random(7)
         reused, killed = 0, 0
         for i in range(10):
-            command = [TREX, "bake", model, "-o", self.path("x.trex"), "--resume", *options]
+            command = [program.TREX, "bake", model, "-o", self.path("x.trex"), "--resume", *options]
             p = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
             time.sleep(noise.uniform(0.02, 1.0) * seconds)
             p.kill()
@@ -235,8 +222,8 @@ class StreamBake(unittest.TestCase):
 
     def interrupted(self, *options, model):
         """Leaves a bake half done, with some buckets finished."""
-        p = subprocess.Popen([TREX, "bake", model, "-o", self.path("x.trex"), *options], stdout=subprocess.DEVNULL,
-                             stderr=subprocess.PIPE, text=True)
+        p = start("bake", model, "-o", self.path("x.trex"), *options, stdout=subprocess.DEVNULL,
+                  stderr=subprocess.PIPE, text=True)
         deadline = time.monotonic() + 60
         journal = self.path(".x.bake-journal.tmp")
         pages = self.path(".x.bake.tmp")
@@ -282,8 +269,8 @@ class StreamBake(unittest.TestCase):
         self.assertEqual(self.read("x.trex"), self.read("whole.trex"))
 
     def test_interrupts_keep_what_is_done(self):
-        p = subprocess.Popen([TREX, "bake", "synth:scan?triangles=3e6", "-o", self.path("x.trex"), "--stream"],
-                             stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        p = start("bake", "synth:scan?triangles=3e6", "-o", self.path("x.trex"), "--stream",
+                  stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         while not os.path.exists(self.path(".x.bake-spill.tmp")) and p.poll() is None:
             time.sleep(0.005)
         p.send_signal(signal.SIGINT)
@@ -310,8 +297,8 @@ class StreamBake(unittest.TestCase):
         self.assertEqual(os.listdir(self.folder), [])
 
     def test_two_bakes_of_one_target(self):
-        p = subprocess.Popen([TREX, "bake", "synth:scan?triangles=5e6", "-o", self.path("x.trex"), "--stream"],
-                             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        p = start("bake", "synth:scan?triangles=5e6", "-o", self.path("x.trex"), "--stream",
+                  stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         while not os.path.exists(self.path(".x.bake-spill.tmp")) and p.poll() is None:
             time.sleep(0.005)
         error = self.bake("x.trex", "--stream", code=5)
@@ -338,9 +325,4 @@ class StreamBake(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--trex", required=True)
-    parser.add_argument("--assets", required=True)
-    known, rest = parser.parse_known_args()
-    TREX, ASSETS = known.trex, known.assets
-    unittest.main(argv=["stream_bake_test", *rest], verbosity=2)
+    program.main()

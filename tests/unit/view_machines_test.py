@@ -1,6 +1,5 @@
 #!/usr/bin/env python3
 """A window and its servers by mpirun, on a virtual display: the same pictures as alone, a server that stops or dies, errors."""
-import argparse
 import glob
 import json
 import os
@@ -11,6 +10,7 @@ import sys
 import time
 import unittest
 
+import program
 import view_test
 from view_test import ViewTest
 
@@ -18,7 +18,7 @@ MPIRUN = ["mpirun", "--oversubscribe", "--allow-run-as-root", "--bind-to", "none
 
 
 def setUpModule():
-    if shutil.which("mpirun") is None or not os.path.exists(os.path.join(os.path.dirname(view_test.TREX), "libtrex_mpi.so")):
+    if shutil.which("mpirun") is None or not os.path.exists(os.path.join(os.path.dirname(program.TREX), "libtrex_mpi.so")):
         raise unittest.SkipTest("no mpirun, or a build without MPI")
     view_test.setUpModule()
 
@@ -39,7 +39,7 @@ class Servers(ViewTest):
     def setUp(self):
         super().setUp()
         self.model = self.path("cornell.trex")
-        subprocess.run([view_test.TREX, "bake", self.cornell, "-o", self.model, "-q"], check=True, capture_output=True)
+        subprocess.run([program.TREX, "bake", self.cornell, "-o", self.model, "-q"], check=True, capture_output=True)
 
     def environment(self, display=True):
         environment = super().environment(display)
@@ -47,7 +47,7 @@ class Servers(ViewTest):
 
     def command(self, others, *arguments, worker=(), model=None, mpirun=MPIRUN, holders=()):
         """`holders`: models that machines 1, 2, ... have in place of the window."""
-        trex = view_test.TREX
+        trex = program.TREX
         command = [*mpirun, "-n", "1", trex, "view", *([] if holders else [model or self.model]), *map(str, arguments)]
         for holder in holders:
             command += [":", "-n", "1", trex, "worker", "--threads", "1", holder]
@@ -106,7 +106,7 @@ class Servers(ViewTest):
 
     def test_an_environment_file_is_lent(self):
         sky = self.path("sky.exr")
-        subprocess.run([view_test.TREX, "render", self.cornell, "-o", sky, "--size", "16x8", "--spp", "4", "--device", "none"],
+        subprocess.run([program.TREX, "render", self.cornell, "-o", sky, "--size", "16x8", "--spp", "4", "--device", "none"],
                        check=True, capture_output=True)
         report = self.same_as_alone(1, "--spp", 64, "--exact", 0, "--env", sky, edits=EDITS[4:])
         self.assertGreater(report["machines"][1]["samples"], 0)
@@ -184,9 +184,9 @@ class Servers(ViewTest):
     def streamed(self, triangles="2e4"):
         """A model in pages, and the memory of all of them."""
         model = self.path("streamed.trex")
-        subprocess.run([view_test.TREX, "bake", f"synth:assembly?triangles={triangles}&seed=1", "--stream", "-o", model, "-q"],
+        subprocess.run([program.TREX, "bake", f"synth:assembly?triangles={triangles}&seed=1", "--stream", "-o", model, "-q"],
                        check=True, capture_output=True)
-        info = subprocess.run([view_test.TREX, "info", model, "--json"], check=True, capture_output=True, text=True).stdout
+        info = subprocess.run([program.TREX, "info", model, "--json"], check=True, capture_output=True, text=True).stdout
         return model, json.loads(info)["mesh_pages"]
 
     def test_a_window_that_does_not_have_the_model(self):
@@ -251,7 +251,7 @@ class Servers(ViewTest):
     def test_wrong_uses_of_a_model_elsewhere(self):
         model, _ = self.streamed()
         other = self.path("other.trex")
-        subprocess.run([view_test.TREX, "bake", "synth:assembly?triangles=1e3&seed=2", "--stream", "-o", other, "-q"], check=True,
+        subprocess.run([program.TREX, "bake", "synth:assembly?triangles=1e3&seed=2", "--stream", "-o", other, "-q"], check=True,
                        capture_output=True)
         self.together(0, [], code=2, says="two machines have different models", holders=[model, other])
         self.together(0, [], code=2, says="bake it", holders=[self.cornell])
@@ -297,27 +297,22 @@ class Servers(ViewTest):
         return words[0].endswith(b"trex-view") and self.model.encode() in words
 
     def test_wrong_uses(self):
-        p = subprocess.run([view_test.TREX, "worker"], capture_output=True, text=True, env=self.environment())
+        p = subprocess.run([program.TREX, "worker"], capture_output=True, text=True, env=self.environment())
         self.assertEqual(p.returncode, 2)
         self.assertIn("mpirun", p.stderr)
         self.together(1, [], code=2, says="bake it", model=self.cornell)
         self.together(1, [], worker=["--cache", "some"], code=2, says="some")
         self.together(1, [], code=3, says="none.trex", model=self.path("none.trex"))
-        p = subprocess.run([*MPIRUN, "-n", "2", view_test.TREX, "view", self.model], capture_output=True, text=True, timeout=60,
+        p = subprocess.run([*MPIRUN, "-n", "2", program.TREX, "view", self.model], capture_output=True, text=True, timeout=60,
                            cwd=self.folder, env=self.environment(display=False))
         self.assertNotEqual(p.returncode, 0)
         self.assertIn("one window is enough", p.stderr)
-        render = [view_test.TREX, "render", self.model, "-o", "a.exr", "--size", "64x64", "--spp", "100000", "--device", "none"]
-        p = subprocess.run([*MPIRUN, "-n", "1", *render, ":", "-n", "1", view_test.TREX, "worker"], capture_output=True, text=True,
+        render = [program.TREX, "render", self.model, "-o", "a.exr", "--size", "64x64", "--spp", "100000", "--device", "none"]
+        p = subprocess.run([*MPIRUN, "-n", "1", *render, ":", "-n", "1", program.TREX, "worker"], capture_output=True, text=True,
                            timeout=60, cwd=self.folder, env=self.environment())
         self.assertEqual(p.returncode, 1, p.stderr)
         self.assertIn("trex worker serves trex view", p.stderr)
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--trex", required=True)
-    parser.add_argument("--assets", required=True)
-    options, rest = parser.parse_known_args()
-    view_test.TREX, view_test.ASSETS = os.path.abspath(options.trex), os.path.abspath(options.assets)
-    unittest.main(argv=[sys.argv[0], *rest], verbosity=2)
+    program.main()

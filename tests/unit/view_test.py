@@ -1,17 +1,17 @@
 #!/usr/bin/env python3
 """The viewer as a person uses it, on a virtual display: scripts by --replay, and real input by xdotool."""
-import argparse
 import json
 import os
 import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 import unittest
 
-TREX, ASSETS = "", ""
+import program
+from program import ProgramTest
+
 SIZE = (160, 90)
 
 
@@ -42,17 +42,7 @@ def tearDownModule():
     DISPLAY.close()
 
 
-class ViewTest(unittest.TestCase):
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="trex-view-")
-        self.cornell = os.path.join(ASSETS, "cornell.glb")
-
-    def tearDown(self):
-        shutil.rmtree(self.folder)
-
-    def path(self, name):
-        return os.path.join(self.folder, name)
-
+class ViewTest(ProgramTest):
     def environment(self, display=True):
         environment = {**os.environ, "XDG_STATE_HOME": self.folder, "TREX_VALIDATION": "1"}
         for name in ("DISPLAY", "WAYLAND_DISPLAY"):
@@ -62,7 +52,7 @@ class ViewTest(unittest.TestCase):
         return environment
 
     def view(self, *arguments, display=True):
-        return subprocess.run([TREX, "view", *map(str, arguments)], capture_output=True, text=True, timeout=300,
+        return subprocess.run([program.TREX, "view", *map(str, arguments)], capture_output=True, text=True, timeout=300,
                               cwd=self.folder, env=self.environment(display))
 
     def replay(self, steps, *arguments, code=0, size=SIZE, model=None, device="none", **script):
@@ -79,7 +69,7 @@ class ViewTest(unittest.TestCase):
             return json.load(f)
 
     def same(self, a, b):
-        result = subprocess.run([TREX, "diff", a, b, "--metric", "rmse", "--max", "0"], capture_output=True, text=True,
+        result = subprocess.run([program.TREX, "diff", a, b, "--metric", "rmse", "--max", "0"], capture_output=True, text=True,
                                 cwd=self.folder)
         self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
 
@@ -87,10 +77,10 @@ class ViewTest(unittest.TestCase):
 class CommandLine(ViewTest):
     def test_only_the_viewer_loads_a_window_library(self):
         needs = {name: subprocess.run(["ldd", name], capture_output=True, text=True, check=True).stdout
-                 for name in (TREX, TREX + "-view")}
+                 for name in (program.TREX, program.TREX + "-view")}
         for library in ("libglfw", "libimgui", "libvulkan"):
-            self.assertNotIn(library, needs[TREX])
-        self.assertIn("libglfw", needs[TREX + "-view"])
+            self.assertNotIn(library, needs[program.TREX])
+        self.assertIn("libglfw", needs[program.TREX + "-view"])
 
     def test_help_needs_no_display(self):
         result = self.view("--help", display=False)
@@ -106,7 +96,7 @@ class CommandLine(ViewTest):
 
     def test_without_the_viewer_beside_it(self):
         alone = self.path("trex")
-        shutil.copy(TREX, alone)
+        shutil.copy(program.TREX, alone)
         result = subprocess.run([alone, "view"], capture_output=True, text=True)
         self.assertEqual(result.returncode, 1, result.stderr)
         self.assertIn("trex-view", result.stderr)
@@ -168,7 +158,7 @@ class Replay(ViewTest):
             {"wait": "idle", "screenshot": "screen.png", "save": "saved.png", "save_edits": "look.json"},
             {"save": "saved.exr"}], "--spp", "4")
         self.same("screen.png", "saved.png")
-        render = [TREX, "render", self.cornell, "--edits", "look.json", "--size", "%dx%d" % SIZE, "--spp", "4",
+        render = [program.TREX, "render", self.cornell, "--edits", "look.json", "--size", "%dx%d" % SIZE, "--spp", "4",
                   "--device", "none"]
         layers = "A,albedo,normal,position,depth,objectId,materialId,sampleCount,variance,exactShare"
         subprocess.run([*render, "-o", "capture.exr", "--aov", layers], check=True, cwd=self.folder, capture_output=True)
@@ -235,7 +225,7 @@ class Hands(ViewTest):
 
     def start(self, *arguments):
         self.process = subprocess.Popen(
-            [TREX, "view", self.cornell, "--size", "640x360", "--device", "none", "--spp", "2", "--screenshot-dir",
+            [program.TREX, "view", self.cornell, "--size", "640x360", "--device", "none", "--spp", "2", "--screenshot-dir",
              self.folder, *arguments], cwd=self.folder, env=self.environment(), stderr=subprocess.PIPE, text=True)
         self.addCleanup(self.end)
         found = self.tool("search", "--sync", "--onlyvisible", "--name", "cornell.glb")
@@ -290,7 +280,7 @@ class Hands(ViewTest):
         self.key("F12", "shift+F12")
         self.wait_for("cornell-0002.png")
         self.wait_for("cornell-0001.exr")
-        different = subprocess.run([TREX, "diff", "cornell-0001.png", "cornell-0002.png", "--metric", "rmse", "--max",
+        different = subprocess.run([program.TREX, "diff", "cornell-0001.png", "cornell-0002.png", "--metric", "rmse", "--max",
                                     "0.001"], capture_output=True, cwd=self.folder)
         self.assertEqual(different.returncode, 6)
         self.key("Escape")
@@ -332,9 +322,4 @@ class Hands(ViewTest):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--trex", required=True)
-    parser.add_argument("--assets", required=True)
-    options, rest = parser.parse_known_args()
-    TREX, ASSETS = os.path.abspath(options.trex), os.path.abspath(options.assets)
-    unittest.main(argv=[sys.argv[0], *rest], verbosity=2)
+    program.main()

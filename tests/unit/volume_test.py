@@ -1,28 +1,19 @@
 #!/usr/bin/env python3
 """Volumes from the command line: options, glTF extras, bundles, files that can't be used."""
-import argparse, json, os, shutil, struct, subprocess, tempfile, unittest
+import json, struct, subprocess
 
-TREX = ASSETS = MAKE = None
+import program
+from program import ProgramTest
 
 
-class VolumeTest(unittest.TestCase):
-    def setUp(self):
-        self.folder = tempfile.mkdtemp(prefix="trex-volume-")
-        self.cornell = os.path.join(ASSETS, "cornell.glb")
-
-    def tearDown(self):
-        shutil.rmtree(self.folder)
-
-    def path(self, name):
-        return os.path.join(self.folder, name)
-
+class VolumeTest(ProgramTest):
     def vdb(self, kind):
         path = self.path(kind + ".vdb")
-        subprocess.run([MAKE, kind, path], check=True)
+        subprocess.run([program.options.make, kind, path], check=True)
         return path
 
     def trex(self, *arguments, code=0, says=""):
-        result = subprocess.run([TREX, *map(str, arguments)], capture_output=True, text=True, timeout=300)
+        result = program.run(*arguments)
         self.assertEqual(result.returncode, code, result.stderr)
         self.assertIn(says, result.stderr)
         return result.stdout
@@ -92,7 +83,7 @@ class VolumeTest(unittest.TestCase):
             path = self.path("bad.vdb")
             with open(path, "wb") as f:
                 f.write(content)
-            result = subprocess.run([TREX, "render", self.cornell, "-o", self.path("x.exr"), "--size", "2x2", "--spp",
+            result = subprocess.run([program.TREX, "render", self.cornell, "-o", self.path("x.exr"), "--size", "2x2", "--spp",
                                      "1", "--device", "none", "--exact", "1", "--volume", path],
                                     capture_output=True, text=True, timeout=120)
             allowed = (3,) if i < 5 else (0, 3, 4)  # a flipped byte may be one of a value
@@ -100,9 +91,4 @@ class VolumeTest(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser()
-    for name in ("--trex", "--assets", "--make"):
-        parser.add_argument(name)
-    a, rest = parser.parse_known_args()
-    TREX, ASSETS, MAKE = a.trex, a.assets, a.make
-    unittest.main(argv=[__file__, *rest])
+    program.main("make")

@@ -10,6 +10,5 @@ add_executable(media_test ${CMAKE_CURRENT_LIST_DIR}/media_test.cpp)
 target_link_libraries(media_test PRIVATE trex_paths GTest::gtest_main)
 trex_gtest(media_test)
 if(TARGET make_vdb)
-  trex_program_test(volume_test volume_test.py --assets ${CMAKE_SOURCE_DIR}/assets
-    --make $<TARGET_FILE:make_vdb>)
+  trex_program_test(volume_test volume_test.py --make $<TARGET_FILE:make_vdb>)
 endif()

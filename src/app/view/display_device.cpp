@@ -2,42 +2,13 @@
 
 #include <GLFW/glfw3.h>
 
-#include <atomic>
-#include <cstdio>
-#include <cstdlib>
-#include <string_view>
 #include <vector>
 
 #include "src/core/error.h"
+#include "src/vulkan/validation.h"
 
 namespace trex {
 namespace {
-
-constexpr const char* kValidationLayer = "VK_LAYER_KHRONOS_validation";
-std::atomic<std::uint64_t> messageCount{0};
-
-VKAPI_ATTR VkBool32 VKAPI_CALL onMessage(VkDebugUtilsMessageSeverityFlagBitsEXT,
-                                         VkDebugUtilsMessageTypeFlagsEXT,
-                                         const VkDebugUtilsMessengerCallbackDataEXT* data, void*) {
-  messageCount.fetch_add(1, std::memory_order_relaxed);
-  std::fprintf(stderr, "trex: validation: %s\n", data->pMessage);
-  return VK_FALSE;
-}
-
-VkDebugUtilsMessengerCreateInfoEXT messengerInfo() {
-  VkDebugUtilsMessengerCreateInfoEXT info{};
-  info.sType = VK_STRUCTURE_TYPE_DEBUG_UTILS_MESSENGER_CREATE_INFO_EXT;
-  info.messageSeverity = VK_DEBUG_UTILS_MESSAGE_SEVERITY_WARNING_BIT_EXT |
-                         VK_DEBUG_UTILS_MESSAGE_SEVERITY_ERROR_BIT_EXT;
-  info.messageType = VK_DEBUG_UTILS_MESSAGE_TYPE_VALIDATION_BIT_EXT;
-  info.pfnUserCallback = onMessage;
-  return info;
-}
-
-bool validationWanted() {
-  const char* value = std::getenv("TREX_VALIDATION");
-  return value != nullptr && std::string_view(value) != "" && std::string_view(value) != "0";
-}
 
 template <typename Function>
 Function load(VkInstance instance, const char* name) {
@@ -53,7 +24,7 @@ VkInstance createInstance(bool validation) {
          "driver; trex doctor says more");
   }
   std::vector<const char*> extensions(needed, needed + count);
-  const VkDebugUtilsMessengerCreateInfoEXT messenger = messengerInfo();
+  const VkDebugUtilsMessengerCreateInfoEXT messenger = vulkan::messengerInfo(false);
   VkApplicationInfo application{};
   application.sType = VK_STRUCTURE_TYPE_APPLICATION_INFO;
   application.pApplicationName = "trex-view";
@@ -65,17 +36,14 @@ VkInstance createInstance(bool validation) {
     extensions.push_back(VK_EXT_DEBUG_UTILS_EXTENSION_NAME);
     info.pNext = &messenger;
     info.enabledLayerCount = 1;
-    info.ppEnabledLayerNames = &kValidationLayer;
+    info.ppEnabledLayerNames = &vulkan::kValidationLayer;
   }
   info.enabledExtensionCount = static_cast<std::uint32_t>(extensions.size());
   info.ppEnabledExtensionNames = extensions.data();
   VkInstance instance = VK_NULL_HANDLE;
   const VkResult result = vkCreateInstance(&info, nullptr, &instance);
   if (result == VK_ERROR_LAYER_NOT_PRESENT) {
-    fail(ExitCode::kMemoryOrDevice,
-         "TREX_VALIDATION is set but {} is not installed: install vulkan-validationlayers or unset "
-         "it",
-         kValidationLayer);
+    vulkan::validationLayerMissing();
   }
   checkVulkan(result, "starting Vulkan for the window");
   return instance;
@@ -118,13 +86,11 @@ void checkVulkan(VkResult result, const char* what) {
        what, static_cast<int>(result));
 }
 
-std::uint64_t DisplayDevice::validationMessages() { return messageCount.load(); }
-
 DisplayDevice::DisplayDevice(GLFWwindow* window) {
-  const bool validation = validationWanted();
+  const bool validation = vulkan::validationWanted();
   instance_ = createInstance(validation);
   if (validation) {
-    const VkDebugUtilsMessengerCreateInfoEXT info = messengerInfo();
+    const VkDebugUtilsMessengerCreateInfoEXT info = vulkan::messengerInfo(false);
     checkVulkan(
         load<PFN_vkCreateDebugUtilsMessengerEXT>(instance_, "vkCreateDebugUtilsMessengerEXT")(
             instance_, &info, nullptr, &messenger_),

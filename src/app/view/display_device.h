@@ -36,9 +36,6 @@ class DisplayDevice {
   /// Index of a memory type in `bits` that has these properties. Throws Error(kMemoryOrDevice).
   std::uint32_t memoryType(std::uint32_t bits, VkMemoryPropertyFlags properties) const;
 
-  /// Messages of the validation layer about drawing, in this process so far.
-  static std::uint64_t validationMessages();
-
  private:
   void choose();
   void createDevice();

@@ -5,12 +5,12 @@
 #include <filesystem>
 #include <fstream>
 #include <iostream>
-#include <new>
 
 #include "src/app/view/loop.h"
 #include "src/app/view/replay_runner.h"
 #include "src/app/view/servers.h"
 #include "src/app/view/view_arguments.h"
+#include "src/command/run_main.h"
 #include "src/core/error.h"
 #include "src/core/file.h"
 #include "src/core/log.h"
@@ -112,7 +112,7 @@ int run(int argc, char** argv) {
   const auto servers = trex::startServers();
   const int code = view(a, started, servers.get(), {argv + 1, argv + argc});
   if (servers) servers->finish(code);
-  const auto messages = trex::Window::validationMessages() + trex::vulkan::validationMessages();
+  const auto messages = trex::vulkan::validationMessages();
   if (messages > 0)
     trex::logError("the validation layer had {} things to say, see above", messages);
   const int last = messages == 0 ? code : static_cast<int>(trex::ExitCode::kFailed);
@@ -123,17 +123,4 @@ int run(int argc, char** argv) {
 
 }  // namespace
 
-int main(int argc, char** argv) {
-  try {
-    return run(argc, argv);
-  } catch (const trex::Error& e) {
-    trex::logError("{}", e.what());
-    return static_cast<int>(e.code());
-  } catch (const std::bad_alloc&) {
-    trex::logError("out of memory; try a smaller --size or model");
-    return static_cast<int>(trex::ExitCode::kMemoryOrDevice);
-  } catch (const std::exception& e) {
-    trex::logError("{}", e.what());
-    return static_cast<int>(trex::ExitCode::kFailed);
-  }
-}
+int main(int argc, char** argv) { return trex::runMain(run, argc, argv); }

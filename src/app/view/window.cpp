@@ -211,6 +211,5 @@ void Window::present(const ScreenImage& picture) {
 void Window::keepNextFrame() { drawing_->keepNextFrame(); }
 const ScreenImage& Window::shown() const { return drawing_->shown(); }
 const std::string& Window::deviceName() const { return drawing_->device().name(); }
-std::uint64_t Window::validationMessages() { return DisplayDevice::validationMessages(); }
 
 }  // namespace trex

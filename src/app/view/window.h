@@ -71,8 +71,6 @@ class Window {
 
   /// The device that draws.
   const std::string& deviceName() const;
-  /// Messages of the validation layer about drawing so far.
-  static std::uint64_t validationMessages();
 
  private:
   struct Drawing;
