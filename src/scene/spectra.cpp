@@ -8,7 +8,8 @@
 namespace trex::detail {
 namespace {
 
-constexpr double kFirst = 360.0, kLast = 830.0, kStep = 1.0;
+constexpr double kFirst = 360.0, kStep = 1.0;
+constexpr std::size_t kWavelengths = 471;
 
 /// A lobe with another width on each side of its middle.
 double lobe(double nm, double middle, double left, double right) {
@@ -37,8 +38,15 @@ double daylight(double nm) {
 }
 
 dvec3 integrate(const std::function<double(double)>& spectrum) {
+  static const auto matchings = [] {
+    std::array<dvec3, kWavelengths> table;
+    for (std::size_t i = 0; i < table.size(); ++i) table[i] = matching(kFirst + kStep * double(i));
+    return table;
+  }();
   dvec3 sum(0.0);
-  for (double nm = kFirst; nm <= kLast; nm += kStep) sum += spectrum(nm) * matching(nm) * kStep;
+  for (std::size_t i = 0; i < matchings.size(); ++i) {
+    sum += spectrum(kFirst + kStep * double(i)) * matchings[i] * kStep;
+  }
   return sum;
 }
 
@@ -89,10 +97,14 @@ vec3 reflectanceRgb(const SampledSpectrum& spectrum) {
   return reflectanceRgb([&](double nm) { return double(spectrum.at(nm)); });
 }
 
-vec3 emissionRgb(const std::function<double(double)>& spectrum) {
+dvec3 emissionXyz(const std::function<double(double)>& spectrum) {
   // Each sum by its own, so that equal energy is XYZ (1, 1, 1) in spite of the fits.
   static const dvec3 equalEnergy = integrate([](double) { return 1.0; });
-  return vec3(rgbOfXyz(integrate(spectrum) / equalEnergy));
+  return integrate(spectrum) / equalEnergy;
+}
+
+vec3 emissionRgb(const std::function<double(double)>& spectrum) {
+  return vec3(rgbOfXyz(emissionXyz(spectrum)));
 }
 
 vec3 emissionRgb(const SampledSpectrum& spectrum) {

@@ -32,6 +32,8 @@ vec3 reflectanceRgb(const SampledSpectrum& spectrum);
 /// The colour of a light with this radiance a nanometre, over the 106.857 nm of the luminous
 /// efficiency: an equal-energy spectrum of 1 has the luminance 1. As Mitsuba and pbrt have it.
 vec3 emissionRgb(const std::function<double(double nm)>& spectrum);
+/// The same in CIE XYZ.
+dvec3 emissionXyz(const std::function<double(double nm)>& spectrum);
 vec3 emissionRgb(const SampledSpectrum& spectrum);
 
 /// Radiance of a black body, W/(m^2 sr nm). 0 at 0 K and below.

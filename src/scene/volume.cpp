@@ -11,6 +11,7 @@
 #include "src/core/memory.h"
 #include "src/scene/import_detail.h"
 #include "src/scene/input_file.h"
+#include "src/scene/spectra.h"
 #include "src/vdb/vdb_library.h"
 
 namespace trex {
@@ -20,36 +21,13 @@ constexpr std::size_t kVoxels = 512;
 constexpr double kMostScale = 1e12;
 constexpr float kWhiteKelvin = 1500.0f;  // luminance 1
 
-/// A lobe of the fit of colour matching functions.
-double lobe(double nanometres, double centre, double below, double above) {
-  const double x = (nanometres - centre) / (nanometres < centre ? below : above);
-  return std::exp(-0.5 * x * x);
-}
-
-/// CIE 1931 [Wyman, Sloan and Shirley 2013, multi-lobe fit].
-dvec3 observer(double l) {
-  return {1.056 * lobe(l, 599.8, 37.9, 31.0) + 0.362 * lobe(l, 442.0, 16.0, 26.7) -
-              0.065 * lobe(l, 501.1, 20.4, 26.2),
-          0.821 * lobe(l, 568.8, 46.9, 40.5) + 0.286 * lobe(l, 530.9, 16.3, 31.1),
-          1.217 * lobe(l, 437.0, 11.8, 36.0) + 0.681 * lobe(l, 459.0, 26.0, 13.8)};
-}
-
-/// Not normalised.
 dvec3 planckXyz(double kelvin) {
-  dvec3 sum(0.0);
-  for (double l = 380.0; l <= 780.0; l += 5.0) {
-    const double x = 1.438776877e7 / (l * kelvin);  // h c / (k T), nanometres
-    sum += observer(l) * (1e15 / (l * l * l * l * l * std::expm1(x)));
-  }
-  return sum;
+  return detail::emissionXyz([&](double nm) { return detail::planck(nm, kelvin); });
 }
 
 /// Rec. 709 of XYZ, clipped to what it can show, luminance kept.
 dvec3 rec709(const dvec3& xyz) {
-  const dvec3 rgb(3.2404542 * xyz.x - 1.5371385 * xyz.y - 0.4985314 * xyz.z,
-                  -0.9692660 * xyz.x + 1.8760108 * xyz.y + 0.0415560 * xyz.z,
-                  0.0556434 * xyz.x - 0.2040259 * xyz.y + 1.0572252 * xyz.z);
-  const dvec3 inside = glm::max(rgb, dvec3(0.0));
+  const dvec3 inside = glm::max(detail::rgbOfXyz(xyz), dvec3(0.0));
   const double shown = 0.2126 * inside.x + 0.7152 * inside.y + 0.0722 * inside.z;
   return shown > 0.0 ? inside * (xyz.y / shown) : dvec3(0.0);
 }

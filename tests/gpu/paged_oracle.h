@@ -8,29 +8,7 @@
 
 namespace trex::test {
 
-using asvo::ASVO_CONE_UNKNOWN;
-using asvo::ASVO_GRID_EMPTY;
-using asvo::ASVO_GRID_UNEVEN;
-using asvo::ASVO_MAX_DEPTH;
-using asvo::ASVO_MAX_GRID_LEVEL;
-using asvo::ASVO_NONE;
-using asvo::ASVO_PLANE_STEP;
-using asvo::AsvoInfo;
-using asvo::ivec3;
-using asvo::uint;
-using asvo::uvec2;
-using asvo::uvec3;
-using asvo::uvec4;
-using asvo::vec3;
-using asvo::trace::bitCount;
-using asvo::trace::bitWidth;
-using asvo::trace::floatBitsToUint;
-using asvo::trace::uintBitsToFloat;
-using glm::abs;
-using glm::exp2;
-using glm::log2;
-using glm::max;
-using glm::min;
+using namespace trace;  // names that the text of the tracer needs
 
 /// Reads a tree as far as `table` (a slot a page of 2^pageBits nodes, or kNoSlot) has it.
 class PagedOracle {

@@ -102,16 +102,9 @@ inline const Hello& hello() {
   return made;
 }
 
-/// A lit room with a mirror sphere and a grey one, and a glass one if that is asked for.
+/// test::mirrorRoom(), with a glass sphere and a point light if that is asked for.
 inline Scene room(bool glass) {
-  Scene scene;
-  scene.materials = {test::lambert(0.6f), test::lambert(0.0f, 8.0f), test::lambert(0.9f)};
-  scene.materials[2].metallic = 1.0f;
-  scene.materials[2].roughness = 0.0f;
-  test::place(scene, test::box(vec3(-2.0f), vec3(2.0f), 0, true));
-  test::place(scene, test::box(vec3(-0.5f, 1.8f, -0.5f), vec3(0.5f, 1.9f, 0.5f), 1, false));
-  test::place(scene, test::sphere(vec3(-0.8f, 0.0f, -1.0f), 0.6f, 2, 12));
-  test::place(scene, test::sphere(vec3(0.8f, 0.0f, -1.0f), 0.6f, 0, 12));
+  Scene scene = test::mirrorRoom();
   if (glass) {
     scene.materials[0].transmission = 0.0f;
     Material clear = test::lambert(1.0f);
@@ -126,7 +119,6 @@ inline Scene room(bool glass) {
     point.intensity = vec3(3.0f);
     scene.lights.push_back(point);
   }
-  scene.cameras = {test::lookAt(dvec3(0.0, 0.0, 1.9), dvec3(0.0, 0.0, -1.0), 1.0f)};
   return scene;
 }
 

@@ -99,4 +99,18 @@ inline Scene furnace(float albedo) {
   return scene;
 }
 
+/// A lit room with a mirror sphere in front of the camera and a grey one beside it.
+inline Scene mirrorRoom() {
+  Scene scene;
+  scene.materials = {lambert(0.6f), lambert(0.0f, 8.0f), lambert(0.9f)};
+  scene.materials[2].metallic = 1.0f;
+  scene.materials[2].roughness = 0.0f;
+  place(scene, box(vec3(-2.0f), vec3(2.0f), 0, true));
+  place(scene, box(vec3(-0.5f, 1.8f, -0.5f), vec3(0.5f, 1.9f, 0.5f), 1, false));
+  place(scene, sphere(vec3(-0.8f, 0.0f, -1.0f), 0.6f, 2, 12));
+  place(scene, sphere(vec3(0.8f, 0.0f, -1.0f), 0.6f, 0, 12));
+  scene.cameras = {lookAt(dvec3(0.0, 0.0, 1.9), dvec3(0.0, 0.0, -1.0), 1.0f)};
+  return scene;
+}
+
 }  // namespace trex::test

@@ -18,23 +18,9 @@ namespace fs = std::filesystem;
 
 constexpr std::uint32_t kWidth = 80, kHeight = 72;  // four tiles, two of them cut
 
-/// A lit room with a mirror sphere in front of the camera and a grey one beside it.
-Scene room() {
-  Scene scene;
-  scene.materials = {test::lambert(0.6f), test::lambert(0.0f, 8.0f), test::lambert(0.9f)};
-  scene.materials[2].metallic = 1.0f;
-  scene.materials[2].roughness = 0.0f;
-  test::place(scene, test::box(vec3(-2.0f), vec3(2.0f), 0, true));
-  test::place(scene, test::box(vec3(-0.5f, 1.8f, -0.5f), vec3(0.5f, 1.9f, 0.5f), 1, false));
-  test::place(scene, test::sphere(vec3(-0.8f, 0.0f, -1.0f), 0.6f, 2, 12));
-  test::place(scene, test::sphere(vec3(0.8f, 0.0f, -1.0f), 0.6f, 0, 12));
-  scene.cameras = {test::lookAt(dvec3(0.0, 0.0, 1.9), dvec3(0.0, 0.0, -1.0), 1.0f)};
-  return scene;
-}
-
 std::shared_ptr<const Model> roomModel() {
-  static const auto model =
-      std::make_shared<const Model>(makeModel(room(), {.voxels = true, .voxelDepth = 5}));
+  static const auto model = std::make_shared<const Model>(
+      makeModel(test::mirrorRoom(), {.voxels = true, .voxelDepth = 5}));
   return model;
 }
 
@@ -307,7 +293,7 @@ TEST(Layers, DirectAndIndirectMakeTheMean) {
 
 /// Without a second bounce there is no indirect light: black walls, a lamp, and a mirror.
 TEST(Layers, LightSeenInAMirrorIsDirect) {
-  Scene scene = room();
+  Scene scene = test::mirrorRoom();
   scene.materials[0] = test::lambert(0.0f);
   const Camera camera = scene.cameras.front();
   RenderSettings s = settings(1.0, 32);
@@ -382,7 +368,7 @@ TEST(Session, StopsAtTheErrorAskedFor) {
 /// The estimate agrees with the distance to a picture of many more samples. Without the mirror: the
 /// rare bright paths of caustics are missing from pictures and estimates alike.
 TEST(Session, EstimatedErrorIsTheError) {
-  Scene scene = room();
+  Scene scene = test::mirrorRoom();
   scene.materials[2] = test::lambert(0.5f);
   const Camera camera = scene.cameras.front();
   const auto model = std::make_shared<const Model>(makeModel(scene, {.voxels = false}));
