@@ -62,7 +62,7 @@ struct Viewer::Impl {
   OpenPhase phase = OpenPhase::kEmpty;
   std::string message;
   ExitCode failureCode = ExitCode::kDone;  ///< of phase kFailed
-  std::optional<ExitCode> lost;  ///< the model can't be read any more
+  std::optional<ExitCode> lost;            ///< the model can't be read any more
   std::filesystem::path input, opening;
   ModelOptions modelOptions;
   // Sessions read the editor's model, and background work too: it ends first.
