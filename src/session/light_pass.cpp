@@ -88,8 +88,8 @@ std::optional<ShotPhotons> LightPass::land(std::uint64_t first, std::uint64_t co
   shot.records.resize(landed->size());
   tbb::parallel_for(std::size_t{0}, landed->size(), [&](std::size_t i) {
     const LandedPhoton& p = (*landed)[i];
-    const std::uint32_t flags =
-        (rayBounces_ ? shaderio::kLastLanding : 0u) + (p.bounce > 0 ? shaderio::kLaterLanding : 0u);
+    const std::uint32_t flags = (rayBounces_ || !p.held ? shaderio::kLastLanding : 0u) +
+                                (p.bounce > 0 ? shaderio::kLaterLanding : 0u);
     shot.records[i] = {p.position, cache_.tracer().asvoOctEncode(p.normal), p.power * inverse,
                        p.index + flags};
   });
