@@ -32,8 +32,8 @@ struct LandedPhoton {
   float density;
   std::uint32_t bounce;  ///< landings of this photon before where `held`
   std::uint32_t turns;   ///< its turns before, as Scene::maxBounces counts
-  /// Whether cached light serves what it met. If not (a metal, a hole, something unlit) it is a part
-  /// of what comes to the voxel there, which others share, and no more.
+  /// Whether cached light serves what it met. If not (a metal, a hole, something unlit) it is a
+  /// part of what comes to the voxel there, which others share, and no more.
   bool held;
 };
 
