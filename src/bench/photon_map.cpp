@@ -48,7 +48,7 @@ PhotonMap::PhotonMap(std::span<const LandedPhoton> landed, std::uint64_t emitted
   cloud.photons.reserve(landed.size());
   const float share = 1.0f / static_cast<float>(std::max<std::uint64_t>(emitted, 1));
   for (const LandedPhoton& p : landed)
-    cloud.photons.push_back({p.position, p.normal, p.power * share});
+    if (p.held) cloud.photons.push_back({p.position, p.normal, p.power * share});
   tree_ = std::make_unique<Tree>(std::move(cloud));
   if (landed.empty()) return;
   Box3f bounds;
@@ -59,7 +59,7 @@ PhotonMap::PhotonMap(std::span<const LandedPhoton> landed, std::uint64_t emitted
   }
   TurnSums sums(bounds, most);
   for (const LandedPhoton& p : landed)
-    sums.add(p.position, p.turns, p.power.x + p.power.y + p.power.z);
+    if (p.held) sums.add(p.position, p.turns, p.power.x + p.power.y + p.power.z);
   turns_ = sums.shares();
 }
 

@@ -60,6 +60,7 @@ std::uint32_t LightCache::voxelAt(const vec3& position, std::uint32_t level) con
 void LightCache::setLight(std::span<const asvo::uvec4> light, double scale, double photons,
                           std::span<const asvo::uvec4> before, double photonsBefore) {
   light_ = light;
+  lots_ = {};
   before_ =
       photonsBefore > 0.0 && photonsBefore < photons ? before : std::span<const asvo::uvec4>();
   // With M of N photons before, light less before has (N - M) / M times the variance of light.
@@ -114,11 +115,14 @@ bool LightCache::irradiance(const vec3& position, const vec3& normal, float radi
 }
 
 bool LightCache::noisyIrradiance(const vec3& position, const vec3& normal, float radius,
-                                 vec2 jitter, vec3& out, vec3& noise) const {
+                                 vec2 jitter, std::uint32_t lot, vec3& out, vec3& noise) const {
   const Place place = find(position, normal, radius, jitter);
   if (place.voxel == asvo::ASVO_NONE) return false;
   out = read(light_, place);
-  noise = before_.empty() ? vec3(0.0f) : noiseScale_ * (out - read(before_, place));
+  noise = vec3(0.0f);
+  if (before_.empty()) return true;
+  noise = noiseScale_ * (lots_.before(position) * out - read(before_, place)) +
+          lots_.noise(position, lot) * out;
   return true;
 }
 

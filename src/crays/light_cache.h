@@ -10,6 +10,7 @@
 #include "asvo/tracer.h"
 #include "src/core/maths.h"
 #include "src/core/sampler.h"
+#include "src/crays/photon_lots.h"
 #include "src/crays/turn_shares.h"
 
 namespace trex {
@@ -41,8 +42,9 @@ class CachedLight {
                           vec3& out) const = 0;
   /// The same, and a picture of its noise: a value alike for all reads of a place, of expectation 0
   /// and the variance that `out` has as other photons might have come. 0 if nothing is known of it.
+  /// `lot`: which of several pictures, below PhotonLots::kLots.
   virtual bool noisyIrradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
-                               vec3& out, vec3& noise) const {
+                               std::uint32_t /*lot*/, vec3& out, vec3& noise) const {
     noise = vec3(0.0f);
     return irradiance(position, normal, radius, jitter, out);
   }
@@ -66,6 +68,8 @@ class LightCache final : public CachedLight {
                 std::span<const asvo::uvec4> before = {}, double photonsBefore = 0.0);
   /// How often the photons of this light have turned.
   void setTurns(TurnShares turns) { turns_ = std::move(turns); }
+  /// What lots of them brought; none are known after setLight().
+  void setLots(PhotonLots lots) { lots_ = std::move(lots); }
 
   bool hasLight() const { return !light_.empty(); }
   double scale() const { return static_cast<double>(scale_); }
@@ -85,10 +89,11 @@ class LightCache final : public CachedLight {
   /// hide each other.
   bool irradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
                   vec3& out) const override;
-  /// What the later photons add to the mean of the earlier ones, scaled to the noise of all. Lights
-  /// of few photons that samples were read from before have nothing to do with it.
+  /// What a lot of photons has too much in the cell (PhotonLots); and what the later photons add to
+  /// the mean of the earlier ones, beside what they add to the cell, scaled to the noise of all.
+  /// Lights of few photons that samples were read from before have nothing to do with it.
   bool noisyIrradiance(const vec3& position, const vec3& normal, float radius, vec2 jitter,
-                       vec3& out, vec3& noise) const override;
+                       std::uint32_t lot, vec3& out, vec3& noise) const override;
   float shareOfTurns(const vec3& position, std::uint32_t turns) const override {
     return turns_.at(position, turns);
   }
@@ -110,6 +115,7 @@ class LightCache final : public CachedLight {
   std::vector<std::uint32_t> table_;  ///< by cell, x first; empty where the tree has fewer levels
   std::span<const asvo::uvec4> light_, before_;
   TurnShares turns_;
+  PhotonLots lots_;
   asvo::AsvoInfo info_{};
   float leafSize_ = 0.0f;
   float scale_ = 1.0f;

@@ -4,35 +4,24 @@
 
 namespace trex {
 
-std::uint32_t TurnShares::cellOf(const Box3f& bounds, const vec3& position) {
-  std::uint32_t cell = 0;
-  for (int axis = 2; axis >= 0; --axis) {
-    const float size = bounds.upper[axis] - bounds.lower[axis];
-    const float place = size > 0.0f ? (position[axis] - bounds.lower[axis]) / size : 0.0f;
-    const float number = std::clamp(place, 0.0f, 1.0f) * kCells;
-    cell = cell * kCells + std::min(static_cast<std::uint32_t>(number), kCells - 1);
-  }
-  return cell;
-}
-
 float TurnShares::at(const vec3& position, std::uint32_t turns) const {
   if (turns >= turns_) return 1.0f;
-  return shares_[std::size_t{rows_[cellOf(bounds_, position)]} * turns_ + turns];
+  return shares_[std::size_t{rows_[places_.of(position)]} * turns_ + turns];
 }
 
-TurnSums::TurnSums(const Box3f& bounds, std::uint32_t most) : bounds_(bounds), turns_(most + 1) {
+TurnSums::TurnSums(const Box3f& bounds, std::uint32_t most) : places_{bounds}, turns_(most + 1) {
   restart();
 }
 
 void TurnSums::restart() {
   if (!counts()) return;
-  rows_.assign(TurnShares::kCells * TurnShares::kCells * TurnShares::kCells, 0);
+  rows_.assign(CoarseCells::kCount, 0);
   sums_.assign(turns_, 0.0);
 }
 
 void TurnSums::add(const vec3& position, std::uint32_t turns, float power) {
   if (!counts()) return;
-  std::uint32_t& row = rows_[TurnShares::cellOf(bounds_, position)];
+  std::uint32_t& row = rows_[places_.of(position)];
   if (row == 0) {
     row = static_cast<std::uint32_t>(sums_.size() / turns_);
     sums_.resize(sums_.size() + turns_, 0.0);
@@ -45,7 +34,7 @@ void TurnSums::add(const vec3& position, std::uint32_t turns, float power) {
 TurnShares TurnSums::shares() const {
   TurnShares out;
   if (!counts()) return out;
-  out.bounds_ = bounds_;
+  out.places_ = places_;
   out.rows_ = rows_;
   out.turns_ = turns_;
   out.shares_.resize(sums_.size());

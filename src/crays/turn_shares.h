@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "src/core/maths.h"
+#include "src/crays/coarse_cells.h"
 
 namespace trex {
 
@@ -26,10 +27,7 @@ class TurnShares {
 
  private:
   friend class TurnSums;
-  static constexpr std::uint32_t kCells = 16;  ///< each way
-  static std::uint32_t cellOf(const Box3f& bounds, const vec3& position);
-
-  Box3f bounds_;
+  CoarseCells places_;
   std::vector<std::uint32_t> rows_;  ///< by cell; row 0 is of all places
   std::vector<float> shares_;        ///< `turns_` a row
   std::uint32_t turns_ = 0;
@@ -49,7 +47,7 @@ class TurnSums {
   TurnShares shares() const;
 
  private:
-  Box3f bounds_;
+  CoarseCells places_;
   std::vector<std::uint32_t> rows_;  ///< as TurnShares'
   std::vector<double> sums_;
   std::uint32_t turns_ = 0;

@@ -50,7 +50,8 @@ struct GatherResult {
   float transmittance;  // negative: the cone met what voxels do not know; a ray has to answer
 };
 
-/// A photon where it first met a diffuse surface; that first flight was a C-ray. 32 bytes.
+/// A photon where it met a surface at the end of a C-ray: its first diffuse one, or one that it
+/// counts at and no more. 32 bytes.
 struct PhotonRecord {
   vec3 position;  // render space, on the surface
   uint normal;    // octahedral 2 x unorm16, geometric, on the side the light arrives at

@@ -135,10 +135,10 @@ bool PathTracer::endInCache(WavePath& path, const vec3& side, const vec3* albedo
   const vec2 jitter = path.sampler.next2D();
   const vec3 position(path.surface.position);
   vec3 irradiance, noise(0.0f);
-  const bool known =
-      guess_.noise
-          ? guess_.cache->noisyIrradiance(position, side, radius, jitter, irradiance, noise)
-          : guess_.cache->irradiance(position, side, radius, jitter, irradiance);
+  const bool known = guess_.noise
+                         ? guess_.cache->noisyIrradiance(position, side, radius, jitter,
+                                                         path.sample->lot, irradiance, noise)
+                         : guess_.cache->irradiance(position, side, radius, jitter, irradiance);
   if (!known) return false;
   const vec3 seen = path.throughput * cachedShare(position, path.turns);
   const vec3 sent = seen * (albedo != nullptr ? *albedo : bsdfOf(path).cachedAlbedo());

@@ -29,6 +29,7 @@ struct PathSample {
   /// alone. Nothing about it is left to chance, so no filter may touch it.
   vec3 own{0.0f};
   vec3 photonNoise{0.0f};  ///< of `guess`, a picture of it: CachedLight::noisyIrradiance()
+  std::uint8_t lot = 0;    ///< which of those is asked for
   Feature feature;
   FirstHit first;
   /// 1 where the camera's ray meets a surface, glass included; of a blended or masked one the share

@@ -8,6 +8,7 @@
 #include "src/crays/clear_path.h"
 #include "src/crays/lights_detail.h"
 #include "src/paths/walk_tracer.h"
+#include "src/scene/look.h"
 
 namespace trex {
 namespace {
@@ -22,6 +23,7 @@ struct Photon : Walk {
   bool scatters = true;      ///< media may scatter it
   std::uint32_t bounce = 0;  ///< ends of rays
   std::uint32_t turns = 0;   ///< as Scene::maxBounces counts; two more follow where it lands
+  std::uint32_t held = 0;    ///< landings so far where light is held
 };
 
 static_assert(sizeof(Photon) <= 144);
@@ -42,6 +44,7 @@ struct Photons {
   std::uint32_t first;  ///< number of walk 0
   bool allBounces;
   const PlainSurfaces& plain;
+  const std::vector<std::uint8_t>& inVoxels;  ///< by material
 
   Sampler sampler(std::uint32_t walk) const { return Sampler(0x70686f74u, first + walk, seed); }
   bool begin(Photon& photon, Sampler& sampler) const;
@@ -56,7 +59,7 @@ struct Photons {
  private:
   bool meet(Photon& photon, Sampler& sampler, const WalkEnd& end,
             WalkFindings<LandedPhoton>& landed) const;
-  bool land(Photon& photon, const Surface& surface, const vec3& normal,
+  bool land(Photon& photon, const Surface& surface, const vec3& normal, bool held,
             WalkFindings<LandedPhoton>& landed) const;
   bool turn(Photon& photon, Sampler& sampler, const Surface& surface, const BsdfSample& next,
             float factor, bool front) const;
@@ -111,12 +114,17 @@ bool Photons::meet(Photon& photon, Sampler& sampler, const WalkEnd& end,
   photon.range.advance(end.distance);
   const Surface& surface = end.surface;
   const Bsdf bsdf(scene, surface, -photon.direction);
-  if (bsdf.unlit()) return false;
-  if (bsdf.coverage() < 1.0f && sampler.next1D() >= bsdf.coverage()) {
+  const bool passes = bsdf.coverage() < 1.0f && sampler.next1D() >= bsdf.coverage();
+  const bool held = bsdf.cacheable() && !passes && !bsdf.unlit();
+  // The inner side of glass gets what its outer one got, bent and denser.
+  const bool inside = bsdf.refracts() && !bsdf.cacheable() &&
+                      glm::dot(photon.direction, surface.geometricNormal) > 0.0f;
+  if (!inside && !land(photon, surface, bsdf.geometricNormal(), held, landed)) return false;
+  if (passes) {
     photon.start = surface.leave();
     return true;
   }
-  if (bsdf.cacheable() && !land(photon, surface, bsdf.geometricNormal(), landed)) return false;
+  if (bsdf.unlit()) return false;
   BsdfSample next;
   if (!bsdf.sample(sampler, next)) return false;
   if (!next.delta || !next.transmitted || !ClearLayers::clear(bsdf)) {
@@ -128,11 +136,12 @@ bool Photons::meet(Photon& photon, Sampler& sampler, const WalkEnd& end,
 }
 
 /// False if it ends there.
-bool Photons::land(Photon& photon, const Surface& surface, const vec3& normal,
+bool Photons::land(Photon& photon, const Surface& surface, const vec3& normal, bool held,
                    WalkFindings<LandedPhoton>& landed) const {
   if (photon.turns + 2 > scene.maxBounces) return false;
+  if (inVoxels[surface.material] == 0 && !held) return true;
   const vec3 power = photon.power * photon.range.factor();
-  if (!isFinite(power) || !(maxComponent(power) > 0.0f)) return false;
+  if (!isFinite(power) || !(maxComponent(power) > 0.0f)) return !held;
   landed.add(photon, {.position = vec3(surface.position),
                       .normal = normal,
                       .power = power,
@@ -140,9 +149,11 @@ bool Photons::land(Photon& photon, const Surface& surface, const vec3& normal,
                       .source = photon.source,
                       .primary = photon.primary,
                       .density = photon.density,
-                      .bounce = photon.found,
-                      .turns = photon.turns});
-  return allBounces;
+                      .bounce = photon.held,
+                      .turns = photon.turns,
+                      .held = held});
+  photon.held += held ? 1 : 0;
+  return allBounces || !held;
 }
 
 /// Goes on in another direction. False if it is absorbed.
@@ -160,7 +171,7 @@ bool Photons::turn(Photon& photon, Sampler& sampler, const Surface& surface, con
 bool Photons::arrivePlain(Photon& photon, const WalkEnd& end, const PlainAt& at,
                           WalkFindings<LandedPhoton>& landed) const {
   photon.range.advance(end.distance);
-  return !at.cacheable() || land(photon, end.surface, at.facing(), landed);
+  return land(photon, end.surface, at.facing(), at.cacheable(), landed);
 }
 
 bool Photons::scatterPlain(Photon& photon, Sampler& sampler, const Surface& surface,
@@ -185,9 +196,11 @@ std::optional<std::vector<LandedPhoton>> landPhotons(const Scene& scene, const W
   const PlainSurfaces plain = rays.media() == nullptr && rays.parts().paged == nullptr
                                   ? PlainSurfaces(scene, rays, kClearAlpha)
                                   : PlainSurfaces::none(scene, rays);
+  std::vector<std::uint8_t> inVoxels;
+  for (const Material& m : scene.materials) inVoxels.push_back(passesLight(m) ? 0 : 1);
   const Photons photons{scene,      rays.media(), lights,
                         guides,     seed,         static_cast<std::uint32_t>(first),
-                        allBounces, plain};
+                        allBounces, plain,        inVoxels};
   std::vector<LandedPhoton> landed;
   if (!walks.follow(photons, static_cast<std::uint32_t>(count), landed, giveUp))
     return std::nullopt;
@@ -200,7 +213,7 @@ std::vector<PhotonLesson> lessonsOf(std::span<const LandedPhoton> landed,
   std::vector<float> visits(landed.size(), 0.0f);
   tbb::parallel_for(std::size_t{0}, landed.size(), [&](std::size_t i) {
     const LandedPhoton& p = landed[i];
-    if (p.source >= guides.size() || guides[p.source].dimensions() == 0) return;
+    if (!p.held || p.source >= guides.size() || guides[p.source].dimensions() == 0) return;
     visits[i] = importance.visits(p.position, p.normal);
   });
   std::vector<PhotonLesson> lessons;

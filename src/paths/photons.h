@@ -1,5 +1,7 @@
 // First flights of photons: from a light, through specular chains, to the first surface that can
 // hold light. They are C-rays, so direct light and caustics in the cache are sharp [Jensen 1996].
+// On their way they count in voxels wherever they meet a surface, be it a mirror or the hole of a
+// leaf: a voxel's light is what comes to all of its faces, over their area.
 // C-rays may also carry photons on to the end of their way: voxels know no media, and where the
 // device shares the host's cores rays between real surfaces cost less than their way through voxels
 // (docs/figures.md).
@@ -28,12 +30,15 @@ struct LandedPhoton {
   std::uint32_t source;  ///< this and the rest as in EmittedPhoton
   vec4 primary;
   float density;
-  std::uint32_t bounce;  ///< landings of this photon before
+  std::uint32_t bounce;  ///< landings of this photon before where `held`
   std::uint32_t turns;   ///< its turns before, as Scene::maxBounces counts
+  /// Whether cached light serves what it met. If not (a metal, a hole, something unlit) it is a
+  /// part of what comes to the voxel there, which others share, and no more.
+  bool held;
 };
 
 /// Traces photons first, first + 1, ... first + count - 1; those that land, in the order of their
-/// numbers and, with `allBounces`, of their landings; without, only the first is there.
+/// numbers and of their landings; without `allBounces`, up to the first that is `held`.
 /// Deterministic: see WalkTracer::follow(); none if `giveUp` said so. `guides` as in
 /// LightSet::emit.
 std::optional<std::vector<LandedPhoton>> landPhotons(const Scene& scene, const WalkTracer& walks,

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <span>
@@ -36,32 +37,49 @@ struct SpreadSum {
 
 /// Sum over the pixels of the weighed square of what is even in blocks of side x side pixels, and
 /// its standard error. `weigh`: by pixel, row by row; mean(i): of pixel i, whose noise no other
-/// shares. By all threads, with the same bits for any number of them.
-template <typename Mean>
+/// shares. Pixels are of kKinds kinds, kindOf(x, y), and only those of one kind are multiplied. By
+/// all threads, with the same bits for any number of them.
+template <std::uint32_t kKinds, typename Mean, typename Kind>
 BiasFigures blockProducts(std::uint32_t width, std::uint32_t height, std::uint32_t side,
-                          std::span<const vec3> weigh, const Mean& mean) {
+                          std::span<const vec3> weigh, const Mean& mean, const Kind& kindOf) {
   const auto rowOfBlocks = [&](std::uint32_t row, SpreadSum& sums) {
     const std::uint32_t top = row * side;
     for (std::uint32_t left = 0; left < width; left += side) {
-      vec3 sum(0.0f), own(0.0f), w(0.0f);
-      float count = 0.0f;
+      std::array<vec3, kKinds> sum{};
+      std::array<float, kKinds> count{};
+      vec3 own(0.0f), w(0.0f);
       for (std::uint32_t y = top; y < std::min(top + side, height); ++y) {
         for (std::uint32_t x = left; x < std::min(left + side, width); ++x) {
           const std::size_t i = std::size_t{y} * width + x;
           const vec3 value = mean(i);
-          sum += value;
+          const std::uint32_t kind = kindOf(x, y);
+          sum[kind] += value;
           own += value * value;
           w += weigh[i];
-          count += 1.0f;
+          count[kind] += 1.0f;
         }
       }
-      if (count < 2.0f) continue;
-      const vec3 scale = w / (count * (count - 1.0f));  // of the mean weight, for all pixels
-      sums.add(static_cast<double>(glm::dot(scale, sum * sum - own)));
+      vec3 products = -own;
+      float pairs = 0.0f;
+      for (std::uint32_t kind = 0; kind < kKinds; ++kind) {
+        products += sum[kind] * sum[kind];
+        pairs += count[kind] * (count[kind] - 1.0f);
+      }
+      if (!(pairs > 0.0f)) continue;
+      // Of the mean weight, for all pixels.
+      sums.add(static_cast<double>(glm::dot(w / pairs, products)));
     }
   };
   const auto all = sumOfRows<SpreadSum>((height + side - 1) / side, rowOfBlocks);
   return {all.sum, all.doubt()};
+}
+
+/// All pixels are of one kind.
+template <typename Mean>
+BiasFigures blockProducts(std::uint32_t width, std::uint32_t height, std::uint32_t side,
+                          std::span<const vec3> weigh, const Mean& mean) {
+  return blockProducts<1>(width, height, side, weigh, mean,
+                          [](std::uint32_t, std::uint32_t) { return 0u; });
 }
 
 }  // namespace trex

@@ -68,6 +68,11 @@ void LightPass::aim(const CameraRays& camera, std::uint32_t width, std::uint32_t
   seconds_ += taken.count();
 }
 
+void LightPass::tellLots() {
+  const Box3f bounds = walks_.rays().bounds();
+  if (!bounds.empty()) lots_ = LotSums(bounds);
+}
+
 /// Where the batch under way ends: guides learn there.
 std::uint64_t LightPass::boundary() const {
   const bool pilot = !guides_.empty() && emitted_ < kPilotPhotons;
@@ -88,8 +93,8 @@ std::optional<ShotPhotons> LightPass::land(std::uint64_t first, std::uint64_t co
   shot.records.resize(landed->size());
   tbb::parallel_for(std::size_t{0}, landed->size(), [&](std::size_t i) {
     const LandedPhoton& p = (*landed)[i];
-    const std::uint32_t flags =
-        (rayBounces_ ? shaderio::kLastLanding : 0u) + (p.bounce > 0 ? shaderio::kLaterLanding : 0u);
+    const std::uint32_t flags = (rayBounces_ || !p.held ? shaderio::kLastLanding : 0u) +
+                                (p.bounce > 0 ? shaderio::kLaterLanding : 0u);
     shot.records[i] = {p.position, cache_.tracer().asvoOctEncode(p.normal), p.power * inverse,
                        p.index + flags};
   });
@@ -127,6 +132,12 @@ bool LightPass::shoot(std::uint64_t count, const std::function<bool()>& keepGoin
     const vec3& power = shot->records[i].power;
     turns_.add(shot->records[i].position, shot->turns[i], power.x + power.y + power.z);
   }
+  if (lots_.counts()) {
+    for (const shaderio::PhotonRecord& r : shot->records) {
+      lots_.add(r.position, r.index & (shaderio::kPhotonNumbers - 1u),
+                r.power.x + r.power.y + r.power.z);
+    }
+  }
   emitted_ += count;
   if (guides_.empty()) return true;
   unlearned_.insert(unlearned_.end(), shot->lessons.begin(), shot->lessons.end());
@@ -144,6 +155,7 @@ bool LightPass::noticeLoss() {
   device_.resetFlux();  // what came after the loss is shot again, too
   emitted_ = landed_ = wanted_ = 0;
   turns_.restart();
+  if (lots_.counts()) lots_.restart();
   unlearned_.clear();
   guides_ = hints_;
   return true;
@@ -172,6 +184,7 @@ bool LightPass::run(std::uint64_t target, const std::function<bool()>& keepGoing
     cache_.setLight(device_.light(), scale_, static_cast<double>(emitted_), device_.lightBefore(),
                     static_cast<double>(resolved_));
     if (turns_.counts()) cache_.setTurns(turns_.shares());
+    if (lots_.counts()) cache_.setLots(lots_.settle(emitted_));
     resolved_ = emitted_;
   }
   const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;

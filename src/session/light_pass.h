@@ -35,6 +35,9 @@ class LightPass {
   /// nothing if no source shines from outside.
   void aim(const CameraRays& camera, std::uint32_t width, std::uint32_t height);
 
+  /// To be called before the first run(): the light is to tell how noisy it is by lots of photons.
+  void tellLots();
+
   /// From now on photons are shot together with other machines; it outlives this.
   void share(PhotonSharer* sharer) { sharer_ = sharer; }
 
@@ -85,6 +88,7 @@ class LightPass {
   std::uint64_t emitted_ = 0, landed_ = 0, wanted_ = 0;
   int losses_ = 0;                       ///< GRayTracer::fluxLosses() of before
   std::uint64_t resolved_ = 0;           ///< photons that the cache knows of
+  LotSums lots_;                         ///< counts if asked to
   TurnSums turns_;                       ///< counts where Scene::maxBounces has an end
   double slice_;                         ///< seconds
   std::uint64_t chunk_;                  ///< photons that take about a slice here

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "src/crays/photon_lots.h"
 #include "src/session/block_products.h"
 
 namespace trex {
@@ -47,9 +48,10 @@ double PhotonNoise::square(std::uint32_t samples, std::span<const vec3> weigh,
                                   [&](const SampleLight& light) { return light.first >= samples; });
   const double photons = static_cast<double>((after - 1)->photons);
   const auto height = static_cast<std::uint32_t>(pixels_.size() / width_);
-  const double all = blockProducts(width_, height, side, weigh, [&](std::size_t i) {
-                       return pixels_[i].mean();
-                     }).square;
+  const auto mean = [&](std::size_t i) { return pixels_[i].mean(); };
+  const double all =
+      blockProducts<PhotonLots::kLots>(width_, height, side, weigh, mean, PhotonLots::ofPixel)
+          .square;
   const double older = varianceOfLight(lights_, samples) * photons;
   return std::max(all, 0.0) * older / (3.0 * static_cast<double>(pixels_.size()));
 }

@@ -2,10 +2,12 @@
 // spread nor the differences of few pairs show it.
 //
 // Where a path ends in cached light its sample also brings what the later half or so of the photons
-// changed there (CachedLight::noisyIrradiance()): by the same path, so with the same weight. The
-// means of it are a picture of one noise that is distributed as that of the guess is. Their own
-// noise, of the paths, is none that pixels share; so the mean product of different pixels of a
-// block, in which the photons' noise counts as even, is its square. Cones bring nothing.
+// changed there (CachedLight::noisyIrradiance()): by the same path, so with the same weight. What
+// all of a region has in common is one number, of which one draw tells little; of that each lot of
+// the photons is a draw, and each pixel asks one (PhotonLots). The means are a picture of noise
+// that is distributed as that of the guess is. Their own noise, of the paths, is none that pixels
+// share; so the mean product of different pixels of a block that ask the same lot, in which the
+// photons' noise counts as even, is its square. Cones bring nothing.
 #pragma once
 
 #include <cstddef>

@@ -272,6 +272,7 @@ void SampleTaker::prepare(const FrameBuffers& frame, const SampleSource& source,
   for (std::size_t i = first; i < first + size; ++i) {
     PathJob& job = batch.jobs[i];
     batch.paths[i] = {};
+    batch.paths[i].lot = static_cast<std::uint8_t>(PhotonLots::ofPixel(job.x, job.y));
     batch.rays[i] = {};
     const double offset = toUnitFloat(hashCombine(hashCombine(job.x, job.y), seed_));
     const double share =
@@ -364,6 +365,7 @@ void SampleTaker::resume(const SampleSource& source, std::span<const PathState> 
   const RaysWait wait(source.behind, true);
   std::vector<PathSample> samples(paths.size());
   std::vector<RayCounts> counts(paths.size());
+  for (std::size_t i = 0; i < paths.size(); ++i) samples[i].lot = batch.paths[paths[i].job].lot;
   prepareCaustics(source.caustics, paths, [](const PathState& path) { return path.number; });
   if (source.batched) {
     source.batched->resume(paths, samples, counts);

@@ -27,6 +27,7 @@ VoxelLight::VoxelLight(const RenderSettings& settings)
       kind_(settings.photonKind),
       leastPhotons_(settings.photons),
       slice_(settings.interactive ? LightPass::kShortSlice : LightPass::kSlice),
+      lots_(settings.dial && !settings.interactive),
       aim_(settings.aim) {}
 
 void VoxelLight::setVoxels(std::shared_ptr<const asvo::Tree> tree,
@@ -78,6 +79,7 @@ void VoxelLight::start(const Model& model, const WalkTracer& walks, const LightS
       kind_ == PhotonKind::kRay || (kind_ == PhotonKind::kAuto && side.device->sharesHostCores());
   side.pass = std::make_unique<LightPass>(model.scene, walks, lights, *side.device, *side.cache,
                                           seed_, rays, slice_);
+  if (lots_) side.pass->tellLots();
   side.pass->share(sharer_);
   side.pass->aim(aim, width, height);
 }

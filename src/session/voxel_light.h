@@ -120,6 +120,7 @@ class VoxelLight {
   PhotonKind kind_;
   std::uint64_t leastPhotons_;
   double slice_;  ///< seconds: LightPass
+  bool lots_;     ///< LightPass::tellLots()
   std::uint32_t number_ = 0;
   std::optional<Camera> aim_;  ///< where photons from outside are aimed; none: the view
   State state_ = State::kAbsent;

@@ -7,8 +7,9 @@
 Names are those of hard_scenes.py, and: small-lamp, a room under a lamp of 2 cm; back-room, one that is lit through a gap; two-gaps,
 through two of them; window, by a spot outside of a small one; globe, by a lamp in a ball of glass; shiny, a room of glossy walls.
 Without any: these, caustics, glossy, lamps and foliage. The truth is the exact mode's, as in hard_scenes.py, in two
-halves, so that its noise does not count; weights are those of it denoised (Open Image Denoise). Each seed renders until the estimate is --error, or --most samples. Prints a table; the
-last column is the largest and the least ratio of true over estimate.
+halves, so that its noise does not count on average; weights are those of it denoised (Open Image Denoise). Each seed renders until the
+estimate is --error, or --most samples. Prints a table: medians, what the truth's noise leaves in doubt of the true error (standard error),
+and the median, the least and the largest ratio of true over estimate.
 """
 import argparse, contextlib, json, math, os, statistics, sys
 
@@ -122,9 +123,12 @@ def pixels(path):
 
 
 def true_error(picture, halves, clean):
-    """relMSE against the truth, of which there are two halves: their noises have nothing in common, so they cancel in the product."""
+    """relMSE against the truth, of which there are two halves: their noises have nothing in common, so they cancel in the product. Half their
+    difference is a draw of the noise of their mean, which tells the standard error."""
     weight = 1 / (clean ** 2 + 0.01 * clean.mean() ** 2)
-    return float(((picture - halves[0]) * (picture - halves[1]) * weight).mean())
+    off, noise = picture - 0.5 * (halves[0] + halves[1]), 0.5 * (halves[0] - halves[1])
+    doubt = float(((2.0 * weight * off * noise) ** 2).sum()) ** 0.5 / off.size
+    return float(((off ** 2 - noise ** 2) * weight).mean()), doubt
 
 
 def main():
@@ -153,14 +157,14 @@ def main():
             out = os.path.join(options.out, f"{name}-error.exr")
             report = hard_scenes.render(options, path, more, out, ["--exact", "auto", "--error", options.error, "--spp", options.most,
                                                                    "--seed", str(seed), *further])
-            error = true_error(pixels(out), halves, clean)
+            error, doubt = true_error(pixels(out), halves, clean)
             told = report["estimated_relmse"] or float("nan")
-            rows.append((report["samples"], report["exact_share"], told, error, error / told))
+            rows.append((report["samples"], report["exact_share"], told, error, doubt, error / told))
             print(json.dumps({"scene": name, "seed": seed, "samples": report["samples"], "exact_share": report["exact_share"],
-                              "estimate": told, "true": error}), file=sys.stderr, flush=True)
-        samples, share, told, error, ratio = (statistics.median(column) for column in zip(*rows))
+                              "estimate": told, "true": error, "doubt": doubt}), file=sys.stderr, flush=True)
+        samples, share, told, error, doubt, ratio = (statistics.median(column) for column in zip(*rows))
         ratios = [r[-1] for r in rows]
-        print(f"| {name} | {samples:.0f} | {share:.3f} | {told:.4f} | {error:.4f} | {ratio:.2f} {min(ratios):.2f} {max(ratios):.2f} |", flush=True)
+        print(f"| {name} | {samples:.0f} | {share:.3f} | {told:.4f} | {error:.4f} +- {doubt:.4f} | {ratio:.2f} {min(ratios):.2f} {max(ratios):.2f} |", flush=True)
 
 
 if __name__ == "__main__":

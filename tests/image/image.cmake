@@ -13,7 +13,7 @@ add_custom_command(OUTPUT ${test_scenes}
   DEPENDS ${CMAKE_CURRENT_LIST_DIR}/scenes.py ${CMAKE_SOURCE_DIR}/assets/make_assets.py VERBATIM)
 add_custom_target(test_scenes DEPENDS ${test_scenes})
 
-foreach(name image mitsuba regression)
+foreach(name image mitsuba regression shared_leaves)
   add_executable(${name}_test ${CMAKE_CURRENT_LIST_DIR}/${name}_test.cpp)
   target_link_libraries(${name}_test PRIVATE trex_test_image)
   add_dependencies(${name}_test test_scenes)

@@ -150,7 +150,7 @@ TEST(LightCache, TellsAPictureOfItsNoise) {
       cache.setLight(light, scale, all, lightBefore, before);
       vec3 value(0.0f), noise(0.0f), same(0.0f);
       const vec3 up(0.0f, 1.0f, 0.0f);
-      ASSERT_TRUE(cache.noisyIrradiance(at, up, 0.1f, vec2(0.5f), value, noise));
+      ASSERT_TRUE(cache.noisyIrradiance(at, up, 0.1f, vec2(0.5f), 0, value, noise));
       ASSERT_TRUE(cache.irradiance(at, up, 0.1f, vec2(0.5f), same));
       ASSERT_EQ(value, same);
       const double off = static_cast<double>(value.x) - scale, own = static_cast<double>(noise.x);
@@ -167,7 +167,7 @@ TEST(LightCache, TellsAPictureOfItsNoise) {
   const std::vector<asvo::uvec4> light(model.voxels->nodes.size(), asvo::uvec4(0u));
   cache.setLight(light, scale, 100.0);
   vec3 value(1.0f), noise(1.0f);
-  EXPECT_TRUE(cache.noisyIrradiance(at, vec3(0.0f, 1.0f, 0.0f), 0.1f, vec2(0.5f), value, noise));
+  EXPECT_TRUE(cache.noisyIrradiance(at, vec3(0.0f, 1.0f, 0.0f), 0.1f, vec2(0.5f), 0, value, noise));
   EXPECT_EQ(noise, vec3(0.0f));
 }
 

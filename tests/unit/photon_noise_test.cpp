@@ -149,7 +149,7 @@ TEST(PhotonNoiseSession, WhatIsToldIsHowFarSeedsDiffer) {
   constexpr std::uint32_t kSeeds = 16, kBlocks = 8;
   std::vector<std::vector<dvec3>> blocks(kSeeds);
   std::vector<vec3> weigh(kWidth * kHeight);
-  double told = 0.0;
+  double told = 0.0, squares = 0.0;
   for (std::uint32_t seed = 0; seed < kSeeds; ++seed) {
     RenderSettings s = settings(16);
     s.seed = seed;
@@ -171,7 +171,9 @@ TEST(PhotonNoiseSession, WhatIsToldIsHowFarSeedsDiffer) {
     }
     // One weight for all pixels of all seeds.
     std::fill(weigh.begin(), weigh.end(), vec3(1.0 / (mean * mean)));
-    told += r->buffers().photonNoise->square(16, weigh, kBlocks) / kSeeds;
+    const double one = r->buffers().photonNoise->square(16, weigh, kBlocks);
+    told += one / kSeeds;
+    squares += one * one / kSeeds;
   }
   double is = 0.0;
   for (std::size_t b = 0; b < blocks[0].size(); ++b) {
@@ -186,6 +188,9 @@ TEST(PhotonNoiseSession, WhatIsToldIsHowFarSeedsDiffer) {
   EXPECT_GT(told, is / 2.0);
   EXPECT_LT(told, is * 2.0);
   EXPECT_GT(told, 1e-3);
+  // Of a single draw what is told differs by 1.1 of its mean, as the room's brightness is one
+  // number.
+  EXPECT_LT(squares - told * told, 0.8 * 0.8 * told * told);
 }
 
 /// What is known counts without pairs; what they say beyond it as far as it stands out.
@@ -351,8 +356,10 @@ TEST(PhotonNoiseSession, LightOfAllPhotonsAtOnceTellsTheSame) {
     const vec3 at(dvec3(1.9 - 0.06 * i, -2.0, 0.5) - origin);
     vec3 a(0.0f), b(0.0f), noiseA(0.0f), noiseB(0.0f);
     const vec3 up(0.0f, 1.0f, 0.0f);
-    const bool known = steps->light().cache()->noisyIrradiance(at, up, 0.0f, vec2(0.5f), a, noiseA);
-    EXPECT_EQ(known, late->light().cache()->noisyIrradiance(at, up, 0.0f, vec2(0.5f), b, noiseB));
+    const bool known =
+        steps->light().cache()->noisyIrradiance(at, up, 0.0f, vec2(0.5f), 3, a, noiseA);
+    EXPECT_EQ(known,
+              late->light().cache()->noisyIrradiance(at, up, 0.0f, vec2(0.5f), 3, b, noiseB));
     EXPECT_EQ(a, b);
     EXPECT_EQ(noiseA, noiseB);
     told += noiseA != vec3(0.0f) ? 1 : 0;
