@@ -107,6 +107,7 @@ void LoadChoice::begin(const hccm::PageCache& cache, const PageQueues& queues,
   }
   chosen_.clear();
   ahead_.clear();
+  aheadIsOld_ = false;
   going_.clear();
   wanted_ = {};
   std::fill(queued_.begin(), queued_.end(), 0.0);
@@ -156,9 +157,7 @@ void LoadChoice::listAwaited() {
     if (rays > 0 && wanted.takes(-double(rays)) && isWanted(page)) wanted.add(-worth(page), page);
   }
   wanted_ = {wanted.take(), loaded_};
-  ahead_.clear();
-  if (readsAhead()) ahead_ = expectedMost();
-  std::reverse(ahead_.begin(), ahead_.end());
+  aheadIsOld_ = true;
 }
 
 /// The absent pages that are worth most.
@@ -340,6 +339,10 @@ std::optional<std::uint32_t> LoadChoice::next() {
 }
 
 std::optional<std::uint32_t> LoadChoice::ahead() {
+  if (std::exchange(aheadIsOld_, false)) {
+    ahead_ = expectedMost();
+    std::reverse(ahead_.begin(), ahead_.end());
+  }
   while (!ahead_.empty()) {
     const std::uint32_t page = ahead_.back();
     ahead_.pop_back();

@@ -130,6 +130,7 @@ class LoadChoice {
   List wanted_, free_;                        ///< of those that rays wait for, and of here_
   std::vector<std::uint32_t> chosen_;         ///< the first last
   std::vector<std::uint32_t> ahead_;          ///< likewise
+  bool aheadIsOld_ = false;                   ///< it is to be chosen anew, when it is asked for
   std::vector<std::uint32_t> going_;          ///< likewise
   double readSeconds_ = 1e-5;                 ///< half of the reads take longer
   std::vector<schedule::TimingSample> traced_, unpacked_, brought_;
