@@ -2,8 +2,8 @@
 
 #include <zstd.h>
 
-#include <algorithm>
 #include <memory>
+#include <utility>
 
 namespace trex::machines {
 namespace {
@@ -78,17 +78,22 @@ void eachSet(std::span<const std::uint8_t> paired, std::uint32_t contents, const
   }
 }
 
+constexpr std::size_t kWord = sizeof(std::uint32_t);  // all parts are words
+
 Bytes arranged(ByteView plain, std::size_t head, std::span<const std::uint8_t> paired,
                std::uint32_t contents) {
-  Bytes out(plain.begin(), plain.begin() + static_cast<std::ptrdiff_t>(head));
-  out.reserve(plain.size());
+  Bytes out(plain.begin(), plain.end());
   const std::byte* from = plain.data() + head;
+  std::byte* to = out.data() + head;
   eachSet(paired, contents, [&](std::size_t size, const std::vector<std::size_t>& starts) {
-    for (std::size_t k = 0; k < size; ++k) {
-      std::byte before{0};
-      for (const std::size_t start : starts) {
-        out.push_back(from[start + k] ^ before);
-        before = from[start + k];
+    const std::size_t count = starts.size();
+    for (std::size_t at = 0; at < size && count > 0; at += kWord, to += kWord * count) {
+      std::uint32_t before = 0, word;
+      for (std::size_t i = 0; i < count; ++i) {
+        std::memcpy(&word, from + starts[i] + at, kWord);
+        const std::uint32_t change = word ^ std::exchange(before, word);
+        for (std::size_t b = 0; b < kWord; ++b)
+          to[b * count + i] = static_cast<std::byte>(change >> (8 * b) & 255u);
       }
     }
   });
@@ -98,11 +103,17 @@ Bytes arranged(ByteView plain, std::size_t head, std::span<const std::uint8_t> p
 Bytes asTheyLay(ByteView arrangement, std::size_t head, std::span<const std::uint8_t> paired,
                 std::uint32_t contents) {
   Bytes out(arrangement.begin(), arrangement.end());
-  const std::byte* next = arrangement.data() + head;
+  const std::byte* from = arrangement.data() + head;
+  std::byte* to = out.data() + head;
   eachSet(paired, contents, [&](std::size_t size, const std::vector<std::size_t>& starts) {
-    for (std::size_t k = 0; k < size; ++k) {
-      std::byte before{0};
-      for (const std::size_t start : starts) out[head + start + k] = before ^= *next++;
+    const std::size_t count = starts.size();
+    for (std::size_t at = 0; at < size && count > 0; at += kWord, from += kWord * count) {
+      std::uint32_t word = 0;
+      for (std::size_t i = 0; i < count; ++i) {
+        for (std::size_t b = 0; b < kWord; ++b)
+          word ^= std::to_integer<std::uint32_t>(from[b * count + i]) << (8 * b);
+        std::memcpy(to + starts[i] + at, &word, kWord);
+      }
     }
   });
   return out;
@@ -150,7 +161,7 @@ std::uint64_t mostBytesOf(std::uint32_t contents, std::uint64_t samples) {
   return 2 + samples / 8 + samples * bytesOf(contents, (contents & kPairs) != 0);
 }
 
-Bytes packSamples(std::span<const TakenSample> samples, std::uint32_t contents, bool travels) {
+Bytes packSamples(std::span<const TakenSample> samples, std::uint32_t contents, bool isShort) {
   Bytes out(1 + pairBytes(contents, samples.size()));
   out.reserve(mostBytesOf(contents, samples.size()));
   out[0] = kPlain;
@@ -164,7 +175,7 @@ Bytes packSamples(std::span<const TakenSample> samples, std::uint32_t contents, 
       out.insert(out.end(), from, from + sizeof(part));
     });
   }
-  if (!travels || bytesOf(contents, false) == sizeof(TakenSample::guess)) return out;
+  if (!isShort || bytesOf(contents, false) == sizeof(TakenSample::guess)) return out;
   Bytes less = shortened(
       arranged(ByteView(out).subspan(1), pairBytes(contents, samples.size()), paired, contents));
   return less.empty() ? out : less;

@@ -38,9 +38,8 @@ std::uint32_t contentsOf(const FrameBuffers& frame, bool pairs);
 /// Bytes of `samples` samples, all of them paired.
 std::uint64_t mostBytesOf(std::uint32_t contents, std::uint64_t samples);
 
-/// `travels`: over a link; then they are made short if there is more of each than its light.
-Bytes packSamples(std::span<const TakenSample> samples, std::uint32_t contents,
-                  bool travels = true);
+/// `isShort`: over a slow link; then they are made so if there is more of each than its light.
+Bytes packSamples(std::span<const TakenSample> samples, std::uint32_t contents, bool isShort);
 /// Exactly `count` samples. Takes anything; throws MessageError.
 std::vector<TakenSample> unpackSamples(ByteView bytes, std::uint32_t contents, std::size_t count);
 

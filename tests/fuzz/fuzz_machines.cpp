@@ -33,8 +33,8 @@ void readSamples(const Result& result, std::uint32_t contents, std::size_t count
   require(samples.size() == count);
   // The same samples can be written in several ways, of which ours are two.
   const Bytes plain = packSamples(samples, contents, false);
-  for (const bool travels : {false, true}) {
-    const auto again = unpackSamples(packSamples(samples, contents, travels), contents, count);
+  for (const bool isShort : {false, true}) {
+    const auto again = unpackSamples(packSamples(samples, contents, isShort), contents, count);
     require(packSamples(again, contents, false) == plain);
   }
 }

@@ -337,7 +337,7 @@ TEST(SampleBytes, ThatAreMuchAlikeTravelInFewerBytes) {
     const std::uint32_t contents =
         kFeatures | kCoverage | kFirstHits | kDirect | (pairs ? kPairs : 0u);
     const Bytes plain = packSamples(samples, contents, false),
-                sent = packSamples(samples, contents);
+                sent = packSamples(samples, contents, true);
     EXPECT_LT(sent.size(), 2 * plain.size() / 3) << pairs;
     EXPECT_EQ(packSamples(unpackSamples(sent, contents, samples.size()), contents, false), plain);
     // Damage is an error or other samples, never more than asked for.
