@@ -224,15 +224,17 @@ Mesh Mesh::fromPage(const ClusterPage& page, const Mesh& grid) {
   const std::size_t start = pageBytes(page.count(), 0);
   header.clusterCount = static_cast<std::uint32_t>(page.count());
   header.byteSize = pageBytes(page.count(), page.bytes.size());
-  auto bytes = std::make_shared<std::vector<std::byte>>(header.byteSize);
-  std::memcpy(bytes->data(), &header, sizeof(header));
+  const std::shared_ptr<std::byte[]> bytes =
+      std::make_unique_for_overwrite<std::byte[]>(header.byteSize);
+  std::memcpy(bytes.get(), &header, sizeof(header));
   for (std::size_t i = 0; i < page.count(); ++i) {
     const auto place = static_cast<std::uint32_t>((start + page.offsets[i]) >> layout::kTableShift);
-    std::memcpy(bytes->data() + sizeof(header) + 4 * i, &place, sizeof(place));
+    std::memcpy(bytes.get() + sizeof(header) + 4 * i, &place, sizeof(place));
   }
-  if (!page.bytes.empty()) std::memcpy(bytes->data() + start, page.bytes.data(), page.bytes.size());
-  const std::span<const std::byte> view(*bytes);
-  return Mesh(view, std::move(bytes), grid);
+  const std::size_t tableEnd = sizeof(header) + 4 * page.count();
+  std::memset(bytes.get() + tableEnd, 0, start - tableEnd);
+  if (!page.bytes.empty()) std::memcpy(bytes.get() + start, page.bytes.data(), page.bytes.size());
+  return Mesh(std::span<const std::byte>(bytes.get(), header.byteSize), bytes, grid);
 }
 
 Mesh Mesh::fromPageAgain(std::span<const std::byte> bytes, std::shared_ptr<const void> owner,

@@ -27,7 +27,8 @@ UnpackedPages::UnpackedPages(int file, std::uint64_t limit, std::size_t pages, b
 UnpackedPages::~UnpackedPages() { ::close(file_); }
 
 bool UnpackedPages::read(std::uint32_t page, std::span<std::byte> out) {
-  const ThreadMoment start = clock_();
+  const bool measures = measuresRead();
+  const ThreadMoment start = measures ? clock_() : ThreadMoment();
   Entry& entry = entries_[page];
   std::uint64_t offset = entry.offset.load(std::memory_order_acquire);
   for (std::span<std::byte> left = out; !left.empty();) {
@@ -38,7 +39,10 @@ bool UnpackedPages::read(std::uint32_t page, std::span<std::byte> out) {
     offset += static_cast<std::uint64_t>(got);
     if (!left.empty()) continue;
     if (XXH3_64bits(out.data(), out.size()) != entry.checksum) break;
-    reading_.took(secondsTaken(start, clock_()), unpacking_.value());
+    if (!measures) return true;
+    const double seconds = secondsTaken(start, clock_());
+    wasSlow_ = seconds > kSlow * reading_.value();
+    reading_.took(seconds, unpacking_.value());
     return true;
   }
   entry.offset.store(kNowhere);

@@ -73,6 +73,8 @@ class UnpackedPages {
 
  private:
   static constexpr std::uint64_t kNowhere = ~std::uint64_t{0};
+  static constexpr double kFar = 0.25, kSlow = 4.0;
+  static constexpr std::uint32_t kMeasured = 4;
   struct Entry {
     std::atomic<std::uint64_t> offset{kNowhere};
     std::uint64_t checksum = 0;
@@ -81,6 +83,12 @@ class UnpackedPages {
     return entries_[page].offset.load(std::memory_order_acquire) != kNowhere;
   }
   bool write(std::uint64_t offset, std::span<const std::byte> bytes);
+  /// Whether the next read is measured: where reads take far less than unpacking one of some will
+  /// do, as a look at a thread's clock costs a tenth of such a read; all after one that was slow.
+  bool measuresRead() {
+    const bool near = wasSlow_ || reading_.value() > kFar * unpacking_.value();
+    return near || reads_.fetch_add(1, std::memory_order_relaxed) % kMeasured == 0;
+  }
 
   const int file_;
   const std::uint64_t limit_;
@@ -88,7 +96,9 @@ class UnpackedPages {
   ThreadMoment (*const clock_)();
   std::vector<Entry> entries_;
   std::atomic<std::uint64_t> end_{0};
-  std::atomic<bool> full_{false};  ///< or broken: nothing is written any more
+  std::atomic<std::uint32_t> reads_{0};
+  std::atomic<bool> wasSlow_{false};  ///< the last read that was measured
+  std::atomic<bool> full_{false};     ///< or broken: nothing is written any more
   Saving reading_{1e-5}, writing_{1e-5}, unpacking_{1e-4};
 };
 

@@ -160,7 +160,7 @@ void openForRender(RenderArguments& a, const RenderSource& source, OpenedRender&
   if (!source.file && !isBundlePath(a.input)) checkSourceFits(a.input, a.settings);
   OpenOptions open = optionsOf(a, source);
   open.prepare = [&](const Scene& scene, ModelOptions& model) {
-    if (!source.file && needsImageLibrary(a.output)) out.imagesOpening = openImageLibraryBehind();
+    if (source.writes && needsImageLibrary(a.output)) out.imagesOpening = openImageLibraryBehind();
     if (!a.edits.empty()) out.look = readEdits(a, scene, model);
     out.views = makeViews(a, scene, out.look);
     if (source.writes) checkOutputs(out.views, a.checkpoint);

@@ -308,7 +308,7 @@ bool Leader::traceOne(Session& session, const std::function<bool()>& keepGoing) 
   const auto units = unitsOf(*job, session.buffers().tiles.tiles().size());
   const bool done = session.takeUnits(units, keepGoing, taken);
   Bytes samples;
-  if (done) samples = packSamples(taken.samples, sessionContents(session));
+  if (done) samples = packSamples(taken.samples, sessionContents(session), false);
   const std::lock_guard lock(mutex_);
   if (!done) {
     ledger_.giveBack(0, job->id);

@@ -23,7 +23,7 @@
 namespace trex::machines {
 
 inline constexpr std::uint32_t kMagic = 0x4d585254u;  // "TRXM"
-inline constexpr std::uint16_t kProtocol = 5;
+inline constexpr std::uint16_t kProtocol = 6;
 inline constexpr std::size_t kHeadBytes = 24;
 /// No message is longer; who receives one asks before it takes the memory.
 inline constexpr std::uint64_t kMostBytes = std::uint64_t{1} << 28;
@@ -55,10 +55,18 @@ class FieldWriter {
   requires std::is_arithmetic_v<T>
   void operator()(const T& value) { put(&value, sizeof(T)); }
   void operator()(const std::string& text) { list(text.data(), text.size(), 1); }
+  void operator()(const ByteView& bytes) { list(bytes.data(), bytes.size(), 1); }
   template <class T>
   void operator()(const std::vector<T>& values) {
     static_assert(kIsBytes<T>);
     list(values.data(), values.size(), sizeof(T));
+  }
+  /// A list of so many bytes, to be filled before any other call.
+  std::span<std::byte> list(std::size_t bytes) {
+    if (bytes > std::numeric_limits<std::uint32_t>::max()) throw MessageError("a list is too long");
+    (*this)(static_cast<std::uint32_t>(bytes));
+    out_.resize(out_.size() + bytes);
+    return std::span(out_).last(bytes);
   }
   /// The message whose body they are.
   Bytes take(Kind kind) {
@@ -87,6 +95,8 @@ class FieldReader {
   template <class T>
   requires std::is_arithmetic_v<T>
   void operator()(T& value) { std::memcpy(&value, next(sizeof(T)).data(), sizeof(T)); }
+  /// A list of bytes, as it lies in the body.
+  void operator()(ByteView& bytes) { bytes = list(1); }
   void operator()(std::string& text) {
     const ByteView bytes = list(1);
     text.assign(reinterpret_cast<const char*>(bytes.data()), bytes.size());

@@ -203,11 +203,12 @@ struct Fetch {
   }
 };
 
-/// All ranges of a question, one after the other.
+/// All ranges of a question, one after the other. Written by PageServer, where they are read; its
+/// bytes are those of the message, which goes once it was heard.
 struct Part {
   static constexpr Kind kKind = Kind::kPart;
   std::uint64_t number = 0;
-  Bytes bytes;
+  ByteView bytes;
   template <class F>
   void fields(F&& f) {
     f(number), f(bytes);

@@ -54,7 +54,7 @@ class MpiWire : public Wire {
   std::uint32_t size() const override { return size_; }
 
   void send(std::uint32_t to, Bytes message) override {
-    Sending& one = sending_.emplace_back(Sending{std::move(message), nullptr});
+    Sending& one = sending_.emplace_back(Sending{to, std::move(message), nullptr});
     check(mpi().send(static_cast<int>(to), one.bytes.data(), one.bytes.size(), one.request));
   }
 
@@ -82,9 +82,13 @@ class MpiWire : public Wire {
   }
 
   std::size_t unsent() override {
-    std::erase_if(sending_, [](const Sending& one) {
+    // Each look at one that has not gone moves all of them on: the first to each machine will do.
+    std::vector<std::uint32_t> waited;
+    std::erase_if(sending_, [&](const Sending& one) {
+      if (std::find(waited.begin(), waited.end(), one.to) != waited.end()) return false;
       bool done = false;
       check(mpi().sent(one.request, done));
+      if (!done) waited.push_back(one.to);
       return done;
     });
     return sending_.size() + coming_.size();
@@ -107,6 +111,7 @@ class MpiWire : public Wire {
  private:
   static constexpr std::size_t kMostComing = 8;
   struct Sending {
+    std::uint32_t to;
     Bytes bytes;
     void* request;
   };

@@ -59,8 +59,9 @@ std::uint64_t PageServer::ask(std::uint32_t from, Fetch fetch) {
 Bytes PageServer::answerTo(const Question& question) {
   std::size_t bytes = 0;
   for (const FileRange& r : question.fetch.ranges) bytes += r.bytes;
-  Part part{question.fetch.number, Bytes(bytes)};
-  std::span<std::byte> left(part.bytes);
+  FieldWriter message;
+  message(question.fetch.number);
+  std::span<std::byte> left = message.list(bytes);
   std::vector<hccm::FilePart> parts;
   for (std::size_t i = 0; i < question.files.size(); ++i) {
     const FileRange& r = question.fetch.ranges[i];
@@ -72,7 +73,7 @@ Bytes PageServer::answerTo(const Question& question) {
     question.files[i]->readAll(parts);
     parts.clear();
   }
-  return encode(part);
+  return message.take(Kind::kPart);
 }
 
 void PageServer::work() {

@@ -35,12 +35,14 @@ void RemoteFiles::settle(std::uint64_t number) {
   changed_.notify_all();
 }
 
-void RemoteFiles::hear(std::uint32_t from, Part part) {
+void RemoteFiles::hear(std::uint32_t from, const Part& part) {
   const std::lock_guard lock(mutex_);
   if (part.bytes.empty()) throw MessageError("a part of a file is empty");
   Question* question = questionOf(from, part.number);
   if (question == nullptr) return;
-  question->answer = std::move(part.bytes);
+  question->answer = part.bytes.size();
+  if (question->awaited && part.bytes.size() == sizeOf(question->parts))
+    giveOut(part.bytes, question->parts);
   settle(part.number);
 }
 
@@ -93,7 +95,7 @@ void RemoteFiles::read(std::uint32_t machine, std::uint32_t file,
   const std::uint64_t number = fetch.number = ++asked_;
   const auto ended = [&] { return stopped_ || broken_ || lost_.contains(machine); };
   if (!ended()) {
-    questions_[number].machine = machine;
+    questions_[number] = {.machine = machine, .parts = parts};
     send_(machine, encode(fetch));
     changed_.wait(lock, [&] { return ended() || questions_.at(number).answered(); });
     Question& q = questions_.at(number);
@@ -102,12 +104,9 @@ void RemoteFiles::read(std::uint32_t machine, std::uint32_t file,
       const Question got = std::move(q);
       questions_.erase(number);
       if (got.problem) throw Error(*got.problem);
-      if (got.answer.size() != bytes) {
-        fail(ExitCode::kFailed, "machine {}: sent {} bytes of a file instead of {}", machine,
-             got.answer.size(), bytes);
-      }
-      giveOut(got.answer, parts);
-      return;
+      if (got.answer == bytes) return;
+      fail(ExitCode::kFailed, "machine {}: sent {} bytes of a file instead of {}", machine,
+           got.answer, bytes);
     }
     if (broken_ || lost_.contains(machine)) questions_.erase(number);
   }

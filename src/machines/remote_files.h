@@ -32,7 +32,7 @@ class RemoteFiles {
                                        const std::string& name);
 
   // What is heard. The first two throw MessageError for what nobody asked for.
-  void hear(std::uint32_t from, Part part);
+  void hear(std::uint32_t from, const Part& part);
   void hear(std::uint32_t from, const NoPart& why);
   /// A machine answers no more.
   void lose(std::uint32_t machine, const Error& error);
@@ -47,9 +47,10 @@ class RemoteFiles {
   struct Question {
     std::uint32_t machine = 0;
     bool awaited = true;
-    Bytes answer{};
+    std::span<const hccm::FilePart> parts{};  ///< where the answer goes, while it is awaited
+    std::uint64_t answer = 0;                 ///< its bytes
     std::optional<Error> problem{};
-    bool answered() const { return problem || !answer.empty(); }
+    bool answered() const { return problem || answer > 0; }
   };
 
   Question* questionOf(std::uint32_t from, std::uint64_t number);

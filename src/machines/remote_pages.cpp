@@ -95,21 +95,31 @@ void RemotePages::read(std::uint32_t file, Parts parts) {
     const std::lock_guard lock(mutex_);
     for (const hccm::FilePart& part : parts) byMachine[whoHas(file, part)].push_back(part);
   }
-  std::vector<hccm::FilePart> here;
+  std::vector<hccm::FilePart> here, again;
   std::vector<Asked> asked;
-  for (auto& [machine, some] : byMachine) {
-    if (machine != 0 && machine == rank_) {
-      here = std::move(some);
-    } else {
-      asked.push_back(ask(machine, file, std::move(some)));
+  try {
+    for (auto& [machine, some] : byMachine) {
+      if (machine != 0 && machine == rank_) {
+        here = std::move(some);
+      } else {
+        asked.push_back(ask(machine, file, std::move(some)));
+      }
     }
-  }
-  if (!here.empty()) readAtHome(file, here);
-  std::vector<hccm::FilePart> again;
-  for (Asked& a : asked) {
-    if (!await(a)) again.insert(again.end(), a.parts.begin(), a.parts.end());
+    if (!here.empty()) readAtHome(file, here);
+    for (Asked& a : asked) {
+      if (!await(a)) again.insert(again.end(), a.parts.begin(), a.parts.end());
+    }
+  } catch (...) {
+    forget(asked);
+    throw;
   }
   if (!again.empty()) readFrom0(file, again);
+}
+
+/// Their answers have nowhere to go any more.
+void RemotePages::forget(const std::vector<Asked>& asked) {
+  const std::lock_guard lock(mutex_);
+  for (const Asked& a : asked) questions_.erase(a.number);
 }
 
 void RemotePages::readFrom0(std::uint32_t file, Parts parts) {
@@ -166,9 +176,10 @@ RemotePages::Asked RemotePages::ask(std::uint32_t to, std::uint32_t file,
   const std::lock_guard lock(mutex_);
   throwIfEnded();
   fetch.number = ++asked_;
-  questions_[fetch.number].to = to;
+  Asked asked{fetch.number, to, secondsNow(), std::move(parts)};
+  questions_[fetch.number] = {to, asked.parts};  // which stay where they are if that is moved
   send_(to, encode(fetch));
-  return {fetch.number, to, secondsNow(), std::move(parts)};
+  return asked;
 }
 
 /// The lock is held.
@@ -194,7 +205,7 @@ bool RemotePages::await(Asked& asked) {
     if (!changed_.wait_for(lock, std::chrono::duration<double>(most), over)) late_[asked.to] = true;
   }
   const Question question = std::move(questions_.at(asked.number));
-  const std::optional<Bytes>& got = question.answer;
+  const std::optional<std::uint64_t>& got = question.answer;
   questions_.erase(asked.number);
   if (question.problem) throw Error(*question.problem);
   if (!got) {
@@ -203,15 +214,14 @@ bool RemotePages::await(Asked& asked) {
   }
   const std::size_t bytes = sizeOf(asked.parts);
   usual_ += 0.1 * (secondsNow() - asked.since - usual_);
-  if (got->size() != bytes) {
+  if (*got != bytes) {
     if (asked.to != 0) {
       refuses_[asked.to] = true;
       return false;
     }
-    fail(ExitCode::kFailed, "machine 0: sent {} bytes of a file instead of {}", got->size(), bytes);
+    fail(ExitCode::kFailed, "machine 0: sent {} bytes of a file instead of {}", *got, bytes);
   }
   lock.unlock();
-  giveOut(*got, asked.parts);
   return asked.to == 0 || std::all_of(asked.parts.begin(), asked.parts.end(), isWhole);
 }
 
@@ -227,12 +237,13 @@ RemotePages::Question* RemotePages::questionOf(std::uint32_t from, std::uint64_t
   return &at->second;
 }
 
-void RemotePages::hearPart(std::uint32_t from, Part part) {
+void RemotePages::hearPart(std::uint32_t from, const Part& part) {
   const std::lock_guard lock(mutex_);
   bytes_.received += part.bytes.size();
   Question* question = questionOf(from, part.number);
   if (question == nullptr) return;
-  question->answer = std::move(part.bytes);
+  question->answer = part.bytes.size();
+  if (part.bytes.size() == sizeOf(question->parts)) giveOut(part.bytes, question->parts);
   changed_.notify_all();
 }
 
@@ -243,7 +254,7 @@ void RemotePages::hearNoPart(std::uint32_t from, const NoPart& why) {
   if (from == 0) {
     question->problem = errorOf(from, why);
   } else {
-    question->answer.emplace();
+    question->answer = 0;
   }
   changed_.notify_all();
 }

@@ -62,7 +62,7 @@ class RemotePages {
   LinkSpeed link() const;
 
   // By the link's thread; those with a message throw MessageError.
-  void hearPart(std::uint32_t from, Part part);
+  void hearPart(std::uint32_t from, const Part& part);
   void hearNoPart(std::uint32_t from, const NoPart& why);
   void hearFetch(std::uint32_t from, Fetch fetch);
   void hearHomes(const Homes& homes);
@@ -77,8 +77,9 @@ class RemotePages {
   using Parts = std::span<const hccm::FilePart>;
   struct Question {
     std::uint32_t to = 0;
-    std::optional<Bytes> answer{};   ///< nothing at all: it does not have it
-    std::optional<Error> problem{};  ///< of machine 0
+    Parts parts{};                          ///< where the answer goes; who asked waits for it
+    std::optional<std::uint64_t> answer{};  ///< its bytes; 0: it does not have them
+    std::optional<Error> problem{};         ///< of machine 0
     bool answered() const { return answer || problem; }
   };
   struct Asked {
@@ -93,6 +94,7 @@ class RemotePages {
   std::uint32_t whoHas(std::uint32_t file, const hccm::FilePart& part) const;
   Asked ask(std::uint32_t to, std::uint32_t file, std::vector<hccm::FilePart> parts);
   bool await(Asked& asked);
+  void forget(const std::vector<Asked>& asked);
   bool isAwaited(const Asked& asked) const;
   void throwIfEnded() const;
   void answer(std::uint32_t to, Bytes message);

@@ -204,7 +204,7 @@ bool Server::take(Window& window, const Lent& lent, std::uint32_t begun) {
     return false;
   }
   Result result{.pass = lent.edit, .id = lent.id, .seconds = secondsNow() - start};
-  result.samples = packSamples(taken.samples, lent.contents);
+  result.samples = packSamples(taken.samples, lent.contents, sendsShort());
   sendResult(std::move(result), taken.rays, session);
   return true;
 }

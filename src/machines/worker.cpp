@@ -232,7 +232,7 @@ void Worker::takeJob(Work& work, const GiveJob& message, std::uint32_t begun) {
   const auto going = [this] { return passes_ == passBegun_; };
   if (!work.session->takeUnits(units, going, taken)) return;
   Result result{.pass = message.pass, .id = message.id, .seconds = secondsNow() - start};
-  result.samples = packSamples(taken.samples, work.pass->contents);
+  result.samples = packSamples(taken.samples, work.pass->contents, sendsShort());
   sendResult(std::move(result), taken.rays, *work.session);
 }
 

@@ -1,6 +1,7 @@
 #include "src/paths/load_choice.h"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <utility>
 
@@ -20,20 +21,48 @@ constexpr double kPatience = 0.5;  // see worth(); of 0, 0.1 and 0.5 that with f
 struct Ranked {
   double value;  ///< the less the sooner
   std::uint32_t page;
+  bool operator<(const Ranked& o) const {
+    return value != o.value ? value < o.value : page < o.page;
+  }
 };
+
+/// Leaves the first so many, in any order.
+void keepFirst(std::vector<Ranked>& all, std::size_t most) {
+  if (all.size() <= most) return;
+  std::nth_element(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(most), all.end());
+  all.resize(most);
+}
 
 /// The first so many, in order.
 std::vector<std::uint32_t> firstOf(std::vector<Ranked>& all, std::size_t most) {
-  const auto before = [](const Ranked& a, const Ranked& b) {
-    return a.value != b.value ? a.value < b.value : a.page < b.page;
-  };
-  const auto end = all.begin() + static_cast<std::ptrdiff_t>(std::min(most, all.size()));
-  if (end != all.end()) std::nth_element(all.begin(), end, all.end(), before);
-  std::sort(all.begin(), end, before);
+  keepFirst(all, most);
+  std::sort(all.begin(), all.end());
   std::vector<std::uint32_t> out;
-  std::transform(all.begin(), end, std::back_inserter(out), [](const Ranked& r) { return r.page; });
+  std::transform(all.begin(), all.end(), std::back_inserter(out),
+                 [](const Ranked& r) { return r.page; });
   return out;
 }
+
+/// firstOf() of many pages that come by their numbers, where a bound tells of most that they are
+/// not among the first.
+class First {
+ public:
+  explicit First(std::size_t most) : most_(most) {}
+  /// Whether the next page may be among them if its value is not less than this.
+  bool takes(double least) const { return least < last_; }
+  void add(double value, std::uint32_t page) {
+    all_.push_back({value, page});
+    if (all_.size() < 2 * most_) return;
+    keepFirst(all_, most_);
+    last_ = std::max_element(all_.begin(), all_.end())->value;
+  }
+  std::vector<std::uint32_t> take() { return firstOf(all_, most_); }
+
+ private:
+  std::size_t most_;
+  double last_ = HUGE_VAL;
+  std::vector<Ranked> all_;
+};
 
 /// The newest samples, in any order.
 void keep(std::vector<schedule::TimingSample>& samples, std::size_t& next, std::size_t most,
@@ -78,12 +107,12 @@ void LoadChoice::begin(const hccm::PageCache& cache, const PageQueues& queues,
   }
   chosen_.clear();
   ahead_.clear();
+  aheadIsOld_ = false;
   going_.clear();
-  awaited_.clear();
   wanted_ = {};
   std::fill(queued_.begin(), queued_.end(), 0.0);
   ++changes_;
-  for (Page& p : pages_) p.uses = 0, p.coming = p.awaited = false;
+  for (Page& p : pages_) p.uses = 0, p.coming = false;
   look();
 }
 
@@ -120,16 +149,15 @@ bool LoadChoice::isWanted(std::uint32_t page) const {
 
 /// Looks at all pages that rays wait for.
 void LoadChoice::listAwaited() {
-  std::erase_if(awaited_, [&](std::uint32_t page) {
-    return !(pages_[page].awaited = queues_->waiting(page) > 0);
-  });
-  std::vector<Ranked> wanted;
-  for (const std::uint32_t page : awaited_)
-    if (isWanted(page)) wanted.push_back({-worth(page), page});
-  wanted_ = {firstOf(wanted, std::max(2 * kCandidates, pages_.size() / kListed)), loaded_};
-  ahead_.clear();
-  if (readsAhead()) ahead_ = expectedMost();
-  std::reverse(ahead_.begin(), ahead_.end());
+  expect();
+  First wanted(std::max(2 * kCandidates, pages_.size() / kListed));
+  for (std::uint32_t page = 0; page < pages_.size(); ++page) {
+    // Nothing is worth more than the rays that wait for it.
+    const std::uint32_t rays = queues_->waiting(page);
+    if (rays > 0 && wanted.takes(-double(rays)) && isWanted(page)) wanted.add(-worth(page), page);
+  }
+  wanted_ = {wanted.take(), loaded_};
+  aheadIsOld_ = true;
 }
 
 /// The absent pages that are worth most.
@@ -143,13 +171,18 @@ std::vector<std::uint32_t> LoadChoice::candidates() {
 
 /// Absent pages that no ray waits for yet, where most are expected.
 std::vector<std::uint32_t> LoadChoice::expectedMost() const {
-  std::vector<Ranked> coming;
-  for (std::uint32_t p = 0; p < pages_.size(); ++p) {
-    const double rays = expected(p);
-    if (rays < kLeastAhead || pages_[p].coming || cache_->isKept(p)) continue;
-    if (queues_->waiting(p) == 0 && !cache_->isHere(p)) coming.push_back({-rays, p});
+  const auto pages = static_cast<std::uint32_t>(pages_.size());
+  First most(std::max(kCandidates, pages_.size() / kListed));
+  for (std::uint32_t block = 0; block < blocks_; ++block) {
+    const std::uint32_t first = block * blockPages_;
+    for (std::uint32_t p = first; p < std::min(first + blockPages_, pages); ++p) {
+      const double rays = share_[block] * static_cast<double>(pages_[p].came);
+      if (rays < kLeastAhead || !most.takes(-rays)) continue;
+      if (pages_[p].coming || queues_->waiting(p) > 0 || cache_->isHere(p)) continue;
+      if (!cache_->isKept(p)) most.add(-rays, p);
+    }
   }
-  return firstOf(coming, std::max(kCandidates, pages_.size() / kListed));
+  return most.take();
 }
 
 /// It is there, and no ray waits for it or is traced against it.
@@ -169,7 +202,7 @@ void LoadChoice::listFree() {
   std::vector<Ranked> free;
   for (const std::uint32_t page : here_)
     if (mayGo(page)) free.push_back({need(page), page});
-  free_ = {firstOf(free, std::max(kVictims, here_.size() / kListed)), loaded_};
+  free_ = {firstOf(free, std::max(2 * kVictims, here_.size() / kListedFree)), loaded_};
 }
 
 /// Pages that may go, those that are needed least.
@@ -199,16 +232,34 @@ void LoadChoice::fit() {
 void LoadChoice::choose() {
   planned_ = changes_;
   if (cache_->statistics().loads != loads_) look();
-  expect();
-  fit();
   chosen_.clear();
   if (order_ == LoadOrder::kInTurn) return chooseInTurn();
   const std::vector<std::uint32_t> wanted = candidates();
-  const bool plans = std::any_of(wanted.begin(), wanted.end(),
-                                 [&](std::uint32_t page) { return !cache_->isKept(page); });
-  if (plans) return planLoads(wanted);
+  const bool plans =
+      readsAhead() && std::any_of(wanted.begin(), wanted.end(),
+                                  [&](std::uint32_t page) { return !cache_->isKept(page); });
+  if (plans) return planLoads(std::span(wanted).first(std::min(wanted.size(), kPlanned)));
   // No channel is worth a plan: what is worth most comes first.
+  if (record_ != nullptr) recordInOrder(wanted);
   chosen_.assign(wanted.rbegin(), wanted.rend());
+}
+
+/// As one thread takes them: a page comes, is unpacked unless it was kept, and its rays are traced;
+/// then the next.
+void LoadChoice::recordInOrder(std::span<const std::uint32_t> wanted) {
+  fit();
+  schedule::Schedule order;
+  double now = secondsNow();
+  for (std::uint32_t i = 0; i < wanted.size(); ++i) {
+    const double rays = queues_->waiting(wanted[i]), size = static_cast<double>(bytesOf(wanted[i]));
+    const bool kept = cache_->isKept(wanted[i]);
+    const double there = now + (kept ? cache_->keptSeconds() : graph_.channels[0].seconds(size));
+    order.fetches.push_back({i, kept ? 1u : 0u, kept ? 2u : 0u, 1, now, there, {}});
+    now = there + timing_.at(0, 0).seconds(std::vector{rays, kept ? 0.0 : size});
+    order.runs.push_back({i, 0, there, now, {}});
+  }
+  const auto pageOf = [&](std::uint32_t i) { return wanted[i]; };
+  record_->planned(order, pageOf, pageOf);
 }
 
 /// All pages that rays wait for of the next block that has any, as schedule::planRoundRobin() takes
@@ -225,7 +276,8 @@ void LoadChoice::chooseInTurn() {
 }
 
 /// Plans their loads.
-void LoadChoice::planLoads(const std::vector<std::uint32_t>& wanted) {
+void LoadChoice::planLoads(std::span<const std::uint32_t> wanted) {
+  fit();
   const std::vector<std::uint32_t> free = leastNeeded();
   schedule::State s;
   s.now = secondsNow();
@@ -287,6 +339,10 @@ std::optional<std::uint32_t> LoadChoice::next() {
 }
 
 std::optional<std::uint32_t> LoadChoice::ahead() {
+  if (std::exchange(aheadIsOld_, false)) {
+    ahead_ = expectedMost();
+    std::reverse(ahead_.begin(), ahead_.end());
+  }
   while (!ahead_.empty()) {
     const std::uint32_t page = ahead_.back();
     ahead_.pop_back();
@@ -344,7 +400,6 @@ void LoadChoice::used(std::uint32_t page, std::size_t rays, double seconds,
   forecast_.served(from, static_cast<double>(rays));
   for (const std::uint32_t to : waitsNow) {
     ++pages_[to].came;
-    if (!std::exchange(pages_[to].awaited, true)) awaited_.push_back(to);
     const std::uint32_t block = blockOf(to);
     cameToBlock_[block] += 1.0;
     queued_[block] += 1.0;

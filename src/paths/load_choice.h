@@ -1,13 +1,14 @@
 // Which page is read next, which is unpacked, and which goes: decisions, no threads.
 //
-// The planner of src/schedule chooses, as it does for simulated machines: jobs are pages that rays
-// wait for, to be unpacked and traced; the machine is one channel that reads, one that brings pages
-// that were kept unpacked, and one device, with times fitted to what was measured so far. Blocks,
-// runs of pages that lie close together, are the stations of the forecast: shares of the rays
-// traced in a block that went on to wait in each other one. What is expected says which pages stay,
-// which are better loaded once more rays wait (loads are what takes the time, and nobody minds a
-// ray that waits), and which are read before any ray waits, where the channel has nothing else to
-// do.
+// Where reads take long the planner of src/schedule chooses, as it does for simulated machines:
+// jobs are pages that rays wait for, to be unpacked and traced; the machine is one channel that
+// reads, one that brings pages that were kept unpacked, and one device, with times fitted to what
+// was measured so far. Where they do not (the file is in the system's cache) no channel is worth a
+// plan: what is worth most comes first. Blocks, runs of pages that lie close together, are the
+// stations of the forecast: shares of the rays traced in a block that went on to wait in each other
+// one. What is expected says which pages stay, which are better loaded once more rays wait (loads
+// are what takes the time, and nobody minds a ray that waits), and which are read before any ray
+// waits, where the channel has nothing else to do.
 #pragma once
 
 #include <cstdint>
@@ -73,13 +74,15 @@ class LoadChoice {
   std::uint32_t packedBytesOf(std::uint32_t page) const { return table_.pages[page].packedBytes; }
 
  private:
-  static constexpr std::size_t kCandidates = 24;  ///< of a plan
+  static constexpr std::size_t kCandidates = 48;  ///< chosen at once
+  static constexpr std::size_t kPlanned = 24;     ///< of them, of a plan
   static constexpr std::size_t kVictims = 48;     ///< that it may give up
   static constexpr std::uint32_t kBlocks = 128;   ///< at most
-  /// Of many pages so many are listed when all are looked at, as a share of them; plans choose of
-  /// the list until half of it has been loaded.
+  /// Of many pages so many are listed when all are looked at, as a share of them; what is next is
+  /// chosen of the list until half of it has been loaded.
   static constexpr std::size_t kListed = 64;
-  static constexpr std::size_t kSamples = 128;  ///< that times are fitted to
+  static constexpr std::size_t kListedFree = 8;  ///< likewise of those that may go
+  static constexpr std::size_t kSamples = 128;   ///< that times are fitted to
 
   static constexpr double kSlow = 4e-5;       ///< seconds of a read; from memory it takes 1e-5
   static constexpr double kLeastAhead = 1.0;  ///< rays that make a page worth reading ahead
@@ -87,7 +90,6 @@ class LoadChoice {
   struct Page {
     std::uint32_t uses = 0;
     bool coming = false, here = false;
-    bool awaited = false;    ///< it is in awaited_
     std::uint64_t last = 0;  ///< use
     std::uint64_t came = 0;  ///< rays that came to wait, ever
   };
@@ -110,7 +112,8 @@ class LoadChoice {
   std::vector<std::uint32_t> expectedMost() const;
   std::vector<std::uint32_t> leastNeeded();
   void choose();
-  void planLoads(const std::vector<std::uint32_t>& wanted);
+  void planLoads(std::span<const std::uint32_t> wanted);
+  void recordInOrder(std::span<const std::uint32_t> wanted);
   void chooseInTurn();
 
   const hccm::PageTable& table_;
@@ -122,12 +125,12 @@ class LoadChoice {
   std::vector<Page> pages_;
   std::vector<double> cameToBlock_, queued_;  ///< queued_: rays there now, and paths to begin
   std::vector<double> share_;                 ///< by block: rays to come, of those that ever came
-  std::vector<std::uint32_t> awaited_;        ///< pages that rays may wait for
   schedule::Forecast forecast_;               ///< one station more: paths that begin
   std::vector<std::uint32_t> here_;           ///< some of which may have gone
-  List wanted_, free_;                        ///< of awaited_ and of here_
+  List wanted_, free_;                        ///< of those that rays wait for, and of here_
   std::vector<std::uint32_t> chosen_;         ///< the first last
   std::vector<std::uint32_t> ahead_;          ///< likewise
+  bool aheadIsOld_ = false;                   ///< it is to be chosen anew, when it is asked for
   std::vector<std::uint32_t> going_;          ///< likewise
   double readSeconds_ = 1e-5;                 ///< half of the reads take longer
   std::vector<schedule::TimingSample> traced_, unpacked_, brought_;

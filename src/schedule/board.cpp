@@ -182,6 +182,18 @@ Board::Clearing Board::clear(const Job& job, std::uint32_t memory, double bytes)
   return c;
 }
 
+/// Whether clear() would have them now, without a look at what is missed least.
+bool Board::mayBeFreed(const Job& job, std::uint32_t memory, double bytes) const {
+  const Room& room = rooms_[memory];
+  double free = room.free;
+  for (std::size_t k = 0; k < room.held.size() && free < bytes; ++k) {
+    const std::uint32_t item = room.held[k];
+    if (copy(item, memory).until <= s_.now && !contains(job.reads, item))
+      free += s_.items[item].bytes;
+  }
+  return free >= bytes;
+}
+
 /// When there is room for more bytes than are promised already. With `keep`, takes it; leave() has
 /// to follow.
 double Board::takeRoom(const Job& job, std::uint32_t memory, double bytes, bool keep,
@@ -190,7 +202,8 @@ double Board::takeRoom(const Job& job, std::uint32_t memory, double bytes, bool 
   Room& room = rooms_[memory];
   if (!keep) {
     promised_[memory] += bytes;
-    return room.free >= promised_[memory] ? s_.now : clear(job, memory, promised_[memory]).time;
+    if (mayBeFreed(job, memory, promised_[memory])) return s_.now;
+    return clear(job, memory, promised_[memory]).time;
   }
   if (room.free >= bytes) {
     room.free -= bytes;

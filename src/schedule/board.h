@@ -89,6 +89,7 @@ class Board {
   void leave(std::uint32_t memory, double time, const std::vector<std::uint32_t>& evicted);
   void addRelease(std::uint32_t memory, const Release& release);
   Clearing clear(const Job& job, std::uint32_t memory, double bytes) const;
+  bool mayBeFreed(const Job& job, std::uint32_t memory, double bytes) const;
   void undoChannels(std::size_t left);
   double arrivalAtBest(const Item& item, std::uint32_t number, std::uint32_t target,
                        double& again) const;

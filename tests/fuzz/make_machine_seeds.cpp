@@ -75,7 +75,7 @@ int main(int argc, char** argv) {
   samples[1].paired = samples[4].paired = true;
   for (const std::uint32_t contents : {0u, 1u, 33u, 62u, 63u, 127u, 255u}) {
     Result result;
-    result.samples = packSamples(samples, contents);
+    result.samples = packSamples(samples, contents, contents % 2 != 0);
     write("result" + std::to_string(contents), result, contents, samples.size());
   }
 }

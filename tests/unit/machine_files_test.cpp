@@ -82,15 +82,16 @@ TEST(RemoteFiles, TakeAnswersOfWhoWasAskedAlone) {
   EXPECT_EQ(fetch.ranges[0].file, 5u);
   EXPECT_EQ(fetch.ranges[0].offset, 10u);
   EXPECT_EQ(asked.files.outstanding(), 1u);
-  const Part part{fetch.number, {std::byte{1}, std::byte{2}, std::byte{3}}};
+  const Bytes sent{std::byte{1}, std::byte{2}, std::byte{3}};
+  const Part part{fetch.number, sent};
   EXPECT_THROW(asked.files.hear(1, part), MessageError);
   EXPECT_THROW(asked.files.hear(2, Part{fetch.number, {}}), MessageError);
   EXPECT_THROW(asked.files.hear(2, Part{fetch.number + 1, part.bytes}), MessageError);
   asked.files.hear(2, part);
   reads.join();
-  EXPECT_EQ(bytes, part.bytes);
+  EXPECT_EQ(bytes, sent);
   asked.files.hear(2, part);  // it comes twice
-  EXPECT_EQ(bytes, part.bytes);
+  EXPECT_EQ(bytes, sent);
   EXPECT_EQ(asked.files.outstanding(), 0u);
 }
 

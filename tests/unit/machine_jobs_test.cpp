@@ -285,8 +285,8 @@ std::vector<TakenSample> someSamples(std::size_t count) {
 
 TEST(SampleBytes, KeepWhatTheFrameKeeps) {
   const auto samples = someSamples(29);
-  for (std::uint32_t contents = 0; contents < 128; ++contents) {
-    const Bytes bytes = packSamples(samples, contents);
+  for (std::uint32_t contents = 0; contents < 256; ++contents) {
+    const Bytes bytes = packSamples(samples, contents, contents % 3 != 0);
     EXPECT_LE(bytes.size(), mostBytesOf(contents, samples.size()));
     const auto back = unpackSamples(bytes, contents, samples.size());
     for (std::size_t i = 0; i < samples.size(); ++i) {
@@ -318,10 +318,38 @@ TEST(SampleBytes, KeepWhatTheFrameKeeps) {
 
 TEST(SampleBytes, SamplesThatAreNotThereCanNotBePaired) {
   const auto samples = someSamples(5);
-  Bytes bytes = packSamples(samples, kPairs);
-  bytes[0] |= std::byte{0x80};
+  Bytes bytes = packSamples(samples, kPairs, false);
+  bytes[1] |= std::byte{0x80};
   bytes.resize(bytes.size() + sizeof(vec3));
   EXPECT_THROW(unpackSamples(bytes, kPairs, samples.size()), MessageError);
+}
+
+/// Neighbours that show the same surface, as a link carries them.
+TEST(SampleBytes, ThatAreMuchAlikeTravelInFewerBytes) {
+  for (const bool pairs : {false, true}) {
+    std::vector<TakenSample> samples = someSamples(500);
+    for (TakenSample& s : samples) {
+      s.feature = samples[0].feature;
+      s.first = samples[0].first;
+      s.direct = s.light;
+      s.alpha = 1.0f;
+    }
+    const std::uint32_t contents =
+        kFeatures | kCoverage | kFirstHits | kDirect | (pairs ? kPairs : 0u);
+    const Bytes plain = packSamples(samples, contents, false),
+                sent = packSamples(samples, contents, true);
+    EXPECT_LT(sent.size(), 2 * plain.size() / 3) << pairs;
+    EXPECT_EQ(packSamples(unpackSamples(sent, contents, samples.size()), contents, false), plain);
+    // Damage is an error or other samples, never more than asked for.
+    for (std::size_t i = 0; i < sent.size(); i += 7) {
+      Bytes bad = sent;
+      bad[i] ^= std::byte{0x10};
+      try {
+        EXPECT_EQ(unpackSamples(bad, contents, samples.size()).size(), samples.size());
+      } catch (const MessageError&) {
+      }
+    }
+  }
 }
 
 }  // namespace

@@ -8,9 +8,13 @@
 #include <xxhash.h>
 
 #include <algorithm>
+#include <array>
+#include <condition_variable>
 #include <map>
+#include <mutex>
 #include <numeric>
 #include <random>
+#include <thread>
 
 #include "src/machines/remote_pages.h"
 #include "tests/unit/machine_net.h"
@@ -62,11 +66,12 @@ class Readers {
       one->link.listen({.message =
                             [this, o = one.get()](std::uint32_t from, Kind kind, ByteView body) {
                               if (kind == Kind::kPart) {
-                                Part part = decode<Part>(body);
-                                if (from == spoils && !part.bytes.empty()) {
-                                  part.bytes.front() ^= std::byte{1};
+                                const Part part = decode<Part>(body);
+                                Bytes bytes(part.bytes.begin(), part.bytes.end());
+                                if (from == spoils && !bytes.empty()) {
+                                  bytes.front() ^= std::byte{1};
                                 }
-                                o->pages.hearPart(from, std::move(part));
+                                o->pages.hearPart(from, {part.number, bytes});
                               } else if (kind == Kind::kNoPart) {
                                 o->pages.hearNoPart(from, decode<NoPart>(body));
                               } else {
@@ -259,6 +264,54 @@ TEST(RemotePages, WhatMakesNoSenseIsRefused) {
   pages.passOn(shelf(), {kPage});
   EXPECT_THROW(pages.hearFetch(2, {1, {{kPage - 1, 0, 2}}}), MessageError);
   EXPECT_THROW(pages.hearFetch(2, {1, {{0, 1, 2}}}), MessageError);
+}
+
+/// One of two questions fails: what comes of the other then has nowhere to go.
+TEST(RemotePages, AnAnswerThatNobodyWaitsForIsDropped) {
+  struct Asked {
+    std::uint32_t to;
+    Fetch fetch;
+  };
+  std::mutex mutex;
+  std::condition_variable changed;
+  std::vector<Asked> asked;
+  RemotePages pages(
+      [&](std::uint32_t to, Bytes message) {
+        ByteView body;
+        ASSERT_EQ(openMessage(message, body), Kind::kFetch);
+        const std::lock_guard lock(mutex);
+        asked.push_back({to, decode<Fetch>(body)});
+        changed.notify_all();
+      },
+      [](const Error&) {});
+  pages.setPlace(1, 3);
+  pages.hearHomes({{{2, 1}}});
+  const auto file = pages.file(0, "a.trex");
+  Bytes out(2 * kPage);
+  bool failed = false;
+  std::thread reader([&] {
+    // A page, which has a home, and a part of something else.
+    const std::array<hccm::FilePart, 2> parts = {
+        hccm::FilePart{0, std::span(out).first(kPage), Readers::checksum(0)},
+        hccm::FilePart{kPage, std::span(out).last(kPage), 0}};
+    try {
+      file->readAll(parts);
+    } catch (const Error& e) {
+      failed = e.code() == ExitCode::kInput;
+    }
+  });
+  {
+    std::unique_lock lock(mutex);
+    changed.wait(lock, [&] { return asked.size() == 2; });
+  }
+  for (const Asked& a : asked)
+    if (a.to == 0) pages.hearNoPart(0, {a.fetch.number, 3, "it is gone"});
+  reader.join();
+  EXPECT_TRUE(failed);
+  const Bytes before = out;
+  for (const Asked& a : asked)
+    if (a.to == 2) pages.hearPart(2, {a.fetch.number, Bytes(kPage, std::byte{9})});
+  EXPECT_EQ(out, before);
 }
 
 TEST(PageShelf, GivesWhatItWasGivenOrNothing) {
