@@ -72,7 +72,9 @@ void Bsdf::readFinish(const Scene& scene, const Surface& surface, const vec3& ou
     if (f.clearcoatNormalTexture.present() && surface.tangent != vec3(0.0f)) {
       const vec3 texel =
           vec3(readTexture(scene.images, f.clearcoatNormalTexture, uv, false)) * 2.0f - 1.0f;
-      const vec3 bent = texel.x * surface.tangent + texel.y * surface.bitangent + texel.z * normal;
+      const vec3 bent =
+          f.clearcoatNormalScale * (texel.x * surface.tangent + texel.y * surface.bitangent) +
+          texel.z * normal;
       if (glm::length(bent) > 1e-6f) normal = glm::normalize(bent);
     }
     normal = seen(normal, outgoing);

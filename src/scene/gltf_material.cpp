@@ -3,6 +3,7 @@
 #include "src/scene/gltf_detail.h"
 #include "src/scene/gltf_file.h"
 #include "src/scene/image_make.h"
+#include "src/scene/texels.h"
 #include "src/scene/texture.h"
 #include "src/scene/texture_cache.h"
 
@@ -203,6 +204,9 @@ void GltfMaterials::convertFinish(const tinygltf::Material& from, Finish& to) {
           textureProperty(kClearcoatRoughness, *e, "clearcoatRoughnessTexture", false);
       to.clearcoatNormalTexture =
           textureProperty(kClearcoatNormal, *e, "clearcoatNormalTexture", false);
+      if (const auto* info = member(*e, "clearcoatNormalTexture")) {
+        to.clearcoatNormalScale = number(*info, "scale", 1.0, -1e6, 1e6);
+      }
     }
   }
   if (const auto* e = extension(from.extensions, "KHR_materials_sheen")) {
@@ -445,6 +449,33 @@ void GltfMaterials::loadImages() {
     Image made;
     context_.attempt("textures of it are left out", [&] { made = make(pending); });
     addImage(context_.scene, std::move(made));
+  }
+  for (std::size_t i = 0; i < pending_.size(); ++i) separateNumbers(i);
+}
+
+/// Of 16 bits an image is decoded as it is read: textures of numbers that share one with colours
+/// get their own.
+void GltfMaterials::separateNumbers(std::size_t decoded) {
+  Scene& scene = context_.scene;
+  const PendingImage& pending = pending_[decoded];
+  if (pending.make != PendingImage::Make::kDecode ||
+      texelKind(scene.images[decoded]) != TexelKind::kSrgbWord) {
+    return;
+  }
+  int own = kNone;
+  for (Material& m : scene.materials) {
+    for (Texture* t : m.textures()) {
+      const bool color = t == &m.baseColorTexture || t == &m.emissiveTexture ||
+                         t == &m.specularColorTexture || t == &m.finish.sheenColorTexture;
+      if (color || t->image != static_cast<int>(decoded)) continue;
+      if (own == kNone) {
+        Image made;
+        context_.attempt("textures of it are left out",
+                         [&] { made = decodeGltfImage(context_, pending.first, false); });
+        own = addImage(scene, std::move(made));
+      }
+      t->image = own;
+    }
   }
 }
 
