@@ -218,7 +218,7 @@ bool Bsdf::finishSample(const vec3& local, BsdfSample& out) const {
 }
 
 vec3 Bsdf::film(float cosine) const {
-  const vec3 dielectric = transmission_ > 0.0f ? vec3(dielectricWeight(1.0f)) : f0_;
+  const vec3 dielectric = transmission_ > 0.0f ? glassReflectance(1.0f) : f0_;
   const vec3 f0 = glm::mix(dielectric, conducts_ ? metal(1.0f) : metalColor_, metallic_);
   return filmReflectance(cosine, filmIor_, filmNanometres_, f0);
 }

@@ -85,12 +85,13 @@ Image decodeLight(const std::string& name, int maxWidth) {
   std::string error;
   const OpenImageFile input(imageLibrary().open(name, "", true, error));
   if (!input) {
-    fail(ExitCode::kInput, "{}: not an image that can be decoded: {}", name, oneLine(error));
+    fail(ExitCode::kInput, "{}: not an image that can be decoded: {}", name,
+         utf8Of(oneLine(error)));
   }
   const std::optional<Colors> at = findColors(*input, name, false);
   if (!at) {
     fail(ExitCode::kInput, "{}: no channels R, G, B in any part of it; its first has {}", name,
-         fmt::join(specOf(*input, 0).channels, ", "));
+         utf8Of(oneLine(fmt::format("{}", fmt::join(specOf(*input, 0).channels, ", ")))));
   }
   const ImageFileSpec spec = specOf(*input, at->part);
   checkSize(spec, name, maxWidth);

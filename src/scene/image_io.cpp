@@ -10,6 +10,7 @@
 #include "src/images/image_library.h"
 #include "src/scene/image_parts.h"
 #include "src/scene/import_detail.h"
+#include "src/scene/input_file.h"
 #include "src/scene/rgbe.h"
 #include "src/scene/texels.h"
 #include "src/scene/texture_cache.h"
@@ -97,7 +98,8 @@ Image decodeImage(std::span<const std::uint8_t> file, const std::string& name, b
   std::string error;
   const OpenImageFile input(imageLibrary().openMemory(file, fileName, error));
   if (!input) {
-    fail(ExitCode::kInput, "{}: not an image that can be decoded: {}", name, oneLine(error));
+    fail(ExitCode::kInput, "{}: not an image that can be decoded: {}", name,
+         utf8Of(oneLine(error)));
   }
   Colors at;
   at.channels = std::min(static_cast<int>(specOf(*input, 0).channels.size()), 4);

@@ -10,6 +10,7 @@
 #include "src/core/memory.h"
 #include "src/scene/image_io.h"
 #include "src/scene/import_detail.h"
+#include "src/scene/input_file.h"
 
 namespace trex::detail {
 namespace {
@@ -81,7 +82,7 @@ Colors chosen(const std::vector<Colors>& found, const std::string& name) {
   if (at != found.end()) return *at;
   if (found.size() > 1) {
     logWarning("{}: has {} layers of colours, of which '{}' is taken", name, found.size(),
-               found.front().layer);
+               utf8Of(oneLine(found.front().layer)));
   }
   return found.front();
 }
@@ -150,11 +151,15 @@ void readWindow(ImageFile& file, const Colors& at, const ImageFileSpec& spec, Im
   const std::size_t texel = std::size_t(at.channels) * sizeOfValue(as);
   const bool other = spec.windowed && spec.cropped();
   std::vector<std::byte> data;
-  if (other) data.resize(std::size_t(spec.width) * spec.height * texel);
+  if (other) {
+    const std::size_t bytes = std::size_t(spec.width) * spec.height * texel;
+    checkRoom(bytes, name, 0);
+    data.resize(bytes);
+  }
   std::string error;
   if (!imageLibrary().read(file, at.part, at.channel, at.channel + at.channels, as,
                            other ? data.data() : to, error)) {
-    fail(ExitCode::kInput, "{}: broken image: {}", name, oneLine(error));
+    fail(ExitCode::kInput, "{}: broken image: {}", name, utf8Of(oneLine(error)));
   }
   if (other) copyShared(spec, texel, data.data(), to);
 }

@@ -70,8 +70,7 @@ std::string formatOf(const std::filesystem::path& path) {
   const std::string extension = detail::lowerExtension(path);
   if (extension != ".gz") return extension;
   const std::string inner = detail::lowerExtension(path.stem());
-  return inner == ".pbrt" || inner == ".ply" || inner == ".obj" || inner == ".stl" ? inner
-                                                                                   : extension;
+  return inner == ".pbrt" || inner == ".ply" || inner == ".obj" ? inner : extension;
 }
 
 void checkReadable(const std::filesystem::path& path) {

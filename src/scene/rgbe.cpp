@@ -82,7 +82,7 @@ class RgbeReader {
       if (key == "FORMAT" && value == "32-bit_rle_xyze") {
         xyz_ = true;
       } else if (key == "FORMAT" && value != "32-bit_rle_rgbe") {
-        bad("its format '{:.40}' is not known", value);
+        bad("its format '{}' is not known", utf8Of(oneLine(std::string(value.substr(0, 40)))));
       } else if (key == "EXPOSURE" || key == "COLORCORR") {
         multiply(value);
       }

@@ -7,6 +7,7 @@
 
 #include "src/scene/chromaticities.h"
 #include "src/scene/image_io.h"
+#include "src/scene/input_file.h"
 #include "src/scene/texels.h"
 #include "src/scene/texture.h"
 #include "tests/unit/scene_helpers.h"
@@ -127,6 +128,10 @@ TEST_F(SceneLightImages, HdrThatIsBroken) {
                            Bytes{2, 2, 0, 9, 9, 1, 2}}) {
     EXPECT_NE(refusal("b.hdr", head + text(bad)), "none");
   }
+  // What it says of a file is text.
+  const std::string said = refusal("t.hdr", "#?RADIANCE\nFORMAT=\xff\xfe\n\n");
+  EXPECT_NE(said.find("format"), said.npos);
+  EXPECT_EQ(detail::utf8Of(said), said);
   // Every place where a good file may be cut off.
   const std::string good = std::string(kHead) + "-Y 2 +X 3\n" + text(texels(6));
   for (std::size_t n = 2; n < good.size(); ++n) {
