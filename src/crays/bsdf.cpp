@@ -121,6 +121,7 @@ void Bsdf::readMaterial(const Scene& scene, const Surface& surface, bool frontSi
   const float f0 = (m.ior - 1.0f) * (m.ior - 1.0f) / ((m.ior + 1.0f) * (m.ior + 1.0f));
   metalColor_ = color;
   f0_ = glm::min(f0 * tint, vec3(1.0f)) * specular;
+  glassTint_ = specular * tint;
   f90_ = specular;
   diffuse_ = color * (1.0f - metallic_) * (1.0f - transmission_);
   transmissionTint_ = color * (1.0f - metallic_) * transmission_;
@@ -134,10 +135,19 @@ float Bsdf::dielectricWeight(float cosine) const {
   return refracts_ ? exact : 2.0f * exact / (1.0f + exact);
 }
 
+/// Reflectance of glass: what the specular factor and colour leave of its interface's, the colour
+/// up to grazing angles as of F0 and F90. Total reflection stays that.
+vec3 Bsdf::glassReflectance(float cosine) const {
+  const float exact = dielectricWeight(cosine);
+  if (glassTint_ == vec3(1.0f) || exact >= 1.0f) return vec3(exact);
+  const vec3 tint = glassTint_ + (vec3(f90_) - glassTint_) * schlickWeight(cosine);
+  return glm::min(exact * tint, vec3(1.0f));
+}
+
 /// At angle `cosine` to the micro normal, all parts together.
 Bsdf::Reflectance Bsdf::reflectance(float cosine) const {
   if (lambertian_) return {vec3(0.0f), 0.0f};
-  const vec3 dielectric = transmission_ > 0.0f ? vec3(dielectricWeight(cosine))
+  const vec3 dielectric = transmission_ > 0.0f ? glassReflectance(cosine)
                                                : f0_ + (vec3(f90_) - f0_) * schlickWeight(cosine);
   const vec3 bare = glm::mix(dielectric, conducts_ ? metal(cosine) : metalColor_, metallic_);
   const float below = maxComponent(dielectric);
@@ -239,7 +249,7 @@ vec3 Bsdf::evaluateTransmission(const vec3& in) const {
   if (!refracts_) {  // a thin sheet: the reflection lobe mirrored to the far side
     const vec3 mirrored(in.x, in.y, -in.z);
     const Half between = half(mirrored);
-    const float through = 1.0f - dielectricWeight(between.cosine);
+    const vec3 through = vec3(1.0f) - glassReflectance(between.cosine);
     return transmissionTint_ *
            (through * between.density * maskingShadowing(mirrored) / (4.0f * out_.z));
   }
@@ -250,9 +260,9 @@ vec3 Bsdf::evaluateTransmission(const vec3& in) const {
   const float outH = glm::dot(out_, half), inH = glm::dot(in, half);
   if (outH <= 0.0f || inH >= 0.0f) return vec3(0.0f);
   const float denominator = outH + eta_ * inH;
-  const float through = 1.0f - fresnelDielectric(outH, eta_);
-  const float value = through * density(half) * maskingShadowing(vec3(in.x, in.y, -in.z)) * eta_ *
-                      eta_ * outH * -inH / (out_.z * denominator * denominator);
+  const vec3 through = vec3(1.0f) - glassReflectance(outH);
+  const vec3 value = through * density(half) * maskingShadowing(vec3(in.x, in.y, -in.z)) * eta_ *
+                     eta_ * outH * -inH / (out_.z * denominator * denominator);
   // Radiance is compressed by 1 / eta^2 on the way in and expands on the way out.
   return transmissionTint_ * (value / (eta_ * eta_));
 }
@@ -332,7 +342,7 @@ bool Bsdf::refract(const vec3& microNormal, vec3& in) const {
 vec3 Bsdf::clearTransmission() const {
   if (!smooth_ || lobes_.transmission <= 0.0f) return vec3(0.0f);
   const float passes = finished_ ? passesFinish(-basis_.toWorld(out_), out_.z) : 1.0f;
-  return transmissionTint_ * ((1.0f - dielectricWeight(out_.z)) * passes);
+  return transmissionTint_ * ((vec3(1.0f) - glassReflectance(out_.z)) * passes);
 }
 
 bool Bsdf::clearRefraction(vec3& direction) const {
@@ -373,7 +383,7 @@ bool Bsdf::sampleTransmission(Sampler& sampler, BsdfSample& out) const {
   }
   if (smooth_) {
     out.delta = true;
-    const float through = 1.0f - dielectricWeight(out_.z);
+    const vec3 through = vec3(1.0f) - glassReflectance(out_.z);
     const float compression = refracts_ ? 1.0f / (eta_ * eta_) : 1.0f;
     out.weight = transmissionTint_ * (through * compression / lobes_.transmission);
   }

@@ -185,6 +185,7 @@ class Bsdf {
   float visiblePdf(const Half& half) const;
   vec3 sampleVisible(vec2 u) const;
   float dielectricWeight(float cosine) const;
+  vec3 glassReflectance(float cosine) const;
   bool hasSpecular(LobeKind kind) const {
     return !smooth_ && (kind == LobeKind::kAll || (kind == LobeKind::kSharp) == sharp_);
   }
@@ -202,6 +203,7 @@ class Bsdf {
   vec3 geometricNormal_, out_;  ///< out_: outgoing in the basis
   vec3 smoothNormal_;           ///< whose horizon counts, besides the triangle's own
   vec3 emission_{0.0f}, diffuse_{0.0f}, f0_{0.0f}, transmissionTint_{0.0f};
+  vec3 glassTint_{1.0f};  ///< of what glass reflects
   vec3 metalColor_{0.0f}, metalEta_{0.0f}, metalK_{0.0f}, absorption_{0.0f};
   float f90_ = 1.0f, metallic_ = 0.0f, transmission_ = 0.0f, alpha_ = 1.0f, coverage_ = 1.0f;
   float eta_ = 1.0f;     ///< index on the far side over this side, if it refracts

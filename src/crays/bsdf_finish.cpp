@@ -72,7 +72,9 @@ void Bsdf::readFinish(const Scene& scene, const Surface& surface, const vec3& ou
     if (f.clearcoatNormalTexture.present() && surface.tangent != vec3(0.0f)) {
       const vec3 texel =
           vec3(readTexture(scene.images, f.clearcoatNormalTexture, uv, false)) * 2.0f - 1.0f;
-      const vec3 bent = texel.x * surface.tangent + texel.y * surface.bitangent + texel.z * normal;
+      const vec3 bent =
+          f.clearcoatNormalScale * (texel.x * surface.tangent + texel.y * surface.bitangent) +
+          texel.z * normal;
       if (glm::length(bent) > 1e-6f) normal = glm::normalize(bent);
     }
     normal = seen(normal, outgoing);
@@ -216,7 +218,7 @@ bool Bsdf::finishSample(const vec3& local, BsdfSample& out) const {
 }
 
 vec3 Bsdf::film(float cosine) const {
-  const vec3 dielectric = transmission_ > 0.0f ? vec3(dielectricWeight(1.0f)) : f0_;
+  const vec3 dielectric = transmission_ > 0.0f ? glassReflectance(1.0f) : f0_;
   const vec3 f0 = glm::mix(dielectric, conducts_ ? metal(1.0f) : metalColor_, metallic_);
   return filmReflectance(cosine, filmIor_, filmNanometres_, f0);
 }

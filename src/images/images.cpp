@@ -95,6 +95,7 @@ bool spec(ImageFile& file, int part, ImageFileSpec& out) {
          .fullHeight = s.full_height,
          .tileHeight = s.tile_width > 0 ? s.tile_height : 0,
          .deep = s.deep,
+         .windowed = std::string_view(file.input->format_name()) == "openexr",
          .values = valuesOf(s.format),
          .floats = s.format.is_floating_point(),
          .channels = s.channelnames,

@@ -20,6 +20,7 @@ struct ImageFileSpec {
   int x = 0, y = 0, fullX = 0, fullY = 0, fullWidth = 0, fullHeight = 0;  ///< full: displayed
   int tileHeight = 0;                                                     ///< 0: rows
   bool deep = false;
+  bool windowed = false;                     ///< an .exr: its two windows mean something
   ImageValues values = ImageValues::kFloat;  ///< that hold all of the file's
   bool floats = false;                       ///< the file's own are: linear
   std::vector<std::string> channels;

@@ -1,7 +1,6 @@
 #include <charconv>
 #include <cmath>
 
-#include "src/core/log.h"
 #include "src/scene/image_io.h"
 #include "src/scene/import_detail.h"
 #include "src/scene/input_file.h"
@@ -55,19 +54,6 @@ void readOptions(const std::string& text, const std::string& options, Environmen
   if (!problem.empty()) badEnvironment(text, problem);
 }
 
-/// A texel that is not a radiance would poison importance sampling of the whole map.
-void sanitise(Image& image) {
-  std::uint64_t bad = 0;
-  for (float& f : image.floats) {
-    if (std::isfinite(f) && f >= 0.0f) continue;
-    f = 0.0f;
-    ++bad;
-  }
-  if (bad > 0) {
-    logWarning("{}: {} negative or non-finite values of the environment set to 0", image.name, bad);
-  }
-}
-
 }  // namespace
 
 Environment parseEnvironment(const std::string& text) {
@@ -88,9 +74,8 @@ Environment parseEnvironment(const std::string& text) {
   if (!std::filesystem::is_regular_file(status)) {
     fail(ExitCode::kInput, "{}: the environment is not a plain file", file);
   }
-  auto image = std::make_shared<Image>(detail::readFloatImage(file, kMaxEnvironmentWidth));
-  sanitise(*image);
-  environment.map = std::move(image);
+  environment.map =
+      std::make_shared<const Image>(detail::readFloatImage(file, kMaxEnvironmentWidth));
   return environment;
 }
 

@@ -197,6 +197,7 @@ class GltfMaterials {
   Texture textureProperty(Slot slot, const tinygltf::Value& object, const char* key, bool srgb);
   int sceneImage(int gltfImage, bool srgb);
   int madeImage(const PendingImage& wanted);
+  void separateNumbers(std::size_t decoded);
   Image make(const PendingImage& wanted);
   void convertSeparateMaps(const tinygltf::Material& from, Material& to);
   Texture separateMap(Slot slot, const tinygltf::Value& maps, const char* key,
@@ -239,6 +240,8 @@ class GltfMeshes {
   using TexCoordAccessors = std::array<int, 2>;
   int chooseSets(int material, const tinygltf::Primitive& p, const std::string& where,
                  TexCoordAccessors& kept);
+  void tellTangents(const tinygltf::Primitive& p, const std::vector<std::uint32_t>& used,
+                    const std::string& where, const Mesh& mesh);
   void readGeometry(const tinygltf::Primitive& p, const TexCoordAccessors& texCoords,
                     const std::string& where, const GltfDeformation& deformation, Mesh& mesh);
   std::vector<std::uint32_t> readIndices(const tinygltf::Primitive& p, std::uint64_t vertices,

@@ -169,7 +169,7 @@ std::filesystem::path fileOf(const GltfContext& context, const std::string& uri,
     return findFile(context.path.parent_path(), percentDecoded(uri.substr(kLocal.size())));
   }
   if (uri.find(':') < 12 && uri.find('/') > uri.find(':')) {
-    fail(ExitCode::kInput, "{}: '{:.80}': only files and base64 data URIs can be read", who, uri);
+    fail(ExitCode::kInput, "{}: '{:.80}': only files and data URIs can be read", who, uri);
   }
   return findFile(context.path.parent_path(), percentDecoded(uri));
 }
@@ -181,14 +181,22 @@ int base64Digit(char c) {
   return c == '+' ? 62 : c == '/' ? 63 : -1;
 }
 
-/// Bytes of a "data:...;base64," URI; false if it is none.
+/// Bytes of a "data:" URI [RFC 2397], of base64 or with percent signs; false if it is none.
 bool decodeDataUri(const std::string& uri, std::vector<std::uint8_t>& out) {
-  const std::string_view marker = ";base64,";
-  const std::size_t at = uri.find(marker);
-  if (!uri.starts_with("data:") || at > 200) return false;
+  constexpr std::size_t kLongestHead = 200;
+  const std::size_t comma = uri.find(',');
+  if (!uri.starts_with("data:") || comma > kLongestHead) return false;
+  std::string head = uri.substr(0, comma);
+  for (char& c : head) c = static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
+  if (!head.ends_with(";base64")) {
+    const std::string decoded = percentDecoded(uri.substr(comma + 1));
+    out.assign(decoded.begin(), decoded.end());
+    return true;
+  }
   std::uint32_t bits = 0;
   int count = 0;
-  for (const char c : std::string_view(uri).substr(at + marker.size())) {
+  for (const char c : std::string_view(uri).substr(comma + 1)) {
+    if (c == ' ' || c == '\n' || c == '\r' || c == '\t') continue;
     const int digit = base64Digit(c);
     if (digit < 0) break;  // '=', or damage
     bits = bits << 6 | static_cast<std::uint32_t>(digit);

@@ -1,10 +1,7 @@
 #include <algorithm>
 
 #include "src/scene/gltf_detail.h"
-#include "src/scene/gltf_file.h"
-#include "src/scene/image_make.h"
 #include "src/scene/texture.h"
-#include "src/scene/texture_cache.h"
 
 namespace trex::detail {
 namespace {
@@ -203,6 +200,9 @@ void GltfMaterials::convertFinish(const tinygltf::Material& from, Finish& to) {
           textureProperty(kClearcoatRoughness, *e, "clearcoatRoughnessTexture", false);
       to.clearcoatNormalTexture =
           textureProperty(kClearcoatNormal, *e, "clearcoatNormalTexture", false);
+      if (const auto* info = member(*e, "clearcoatNormalTexture")) {
+        to.clearcoatNormalScale = number(*info, "scale", 1.0, -1e6, 1e6);
+      }
     }
   }
   if (const auto* e = extension(from.extensions, "KHR_materials_sheen")) {
@@ -403,49 +403,6 @@ Texture GltfMaterials::texture(Slot slot, int index, int texCoord,
   }
   currentSets_[slot] = std::max(texCoord, 0);
   return to;
-}
-
-int GltfMaterials::sceneImage(int gltfImage, bool srgb) {
-  const auto [at, isNew] = imageIndex_.try_emplace(gltfImage, static_cast<int>(pending_.size()));
-  if (isNew) pending_.push_back({.first = gltfImage, .srgb = srgb});
-  pending_[at->second].srgb |= srgb;
-  return at->second;
-}
-
-/// The scene image that will be made of others once they are loaded.
-int GltfMaterials::madeImage(const PendingImage& wanted) {
-  const auto at = std::find(pending_.begin(), pending_.end(), wanted);
-  const auto index = static_cast<int>(at - pending_.begin());
-  if (at == pending_.end()) pending_.push_back(wanted);
-  return index;
-}
-
-Image GltfMaterials::make(const PendingImage& wanted) {
-  if (wanted.make == PendingImage::Make::kDecode) {
-    return decodeGltfImage(context_, wanted.first, wanted.srgb);
-  }
-  const auto& images = context_.scene.images;
-  const auto source = [&](int number) {  // null where it could not be decoded
-    return number == kNone || images[number].width == 0 ? nullptr : &images[number];
-  };
-  const Image *first = source(wanted.first), *second = source(wanted.second);
-  if (wanted.make == PendingImage::Make::kOfGlossiness) {
-    return roughnessOfGlossiness(images[wanted.first], wanted.glossiness);
-  }
-  if (wanted.make == PendingImage::Make::kRoughnessAndMetallic) {
-    return first || second ? roughnessAndMetallic(first, second) : Image{};
-  }
-  return second ? withOpacity(first, *second) : first ? *first : Image{};
-}
-
-void GltfMaterials::loadImages() {
-  // One after the other: decoding in parallel crashed now and then with OpenImageIO 2.4.7 (2 of
-  // about 65 runs on 15 textures, cause not found), for 0.04 s gained.
-  for (const PendingImage& pending : pending_) {
-    Image made;
-    context_.attempt("textures of it are left out", [&] { made = make(pending); });
-    addImage(context_.scene, std::move(made));
-  }
 }
 
 }  // namespace trex::detail

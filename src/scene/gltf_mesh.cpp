@@ -242,6 +242,7 @@ int GltfMeshes::primitive(const tinygltf::Primitive& compressed, const std::stri
   const int next = static_cast<int>(meshes.size());
   const auto known = deformation.none() ? byGeometry_.find(key) : byGeometry_.end();
   Mesh mesh;
+  mesh.material = material;
   if (known == byGeometry_.end()) {
     readGeometry(p, texCoords, where, deformation, mesh);
     if (deformation.none()) {
@@ -351,6 +352,7 @@ void GltfMeshes::readGeometry(const tinygltf::Primitive& p, const TexCoordAccess
       mesh.colors.push_back(packVertexColor(c));
     }
   }
+  tellTangents(p, used, where, mesh);
   if (!deformation.none()) {
     deform(context_, p, used, deformation, where, skinFrame_, mesh);
   }

@@ -1,24 +1,24 @@
 #include "src/scene/image_io.h"
 
-#include <fmt/ranges.h>
-
 #include <algorithm>
-#include <cctype>
 #include <cstring>
 #include <fstream>
 #include <memory>
 #include <mutex>
 #include <string_view>
 
-#include "src/core/log.h"
-#include "src/core/memory.h"
 #include "src/images/image_library.h"
+#include "src/scene/image_parts.h"
 #include "src/scene/import_detail.h"
+#include "src/scene/input_file.h"
+#include "src/scene/rgbe.h"
 #include "src/scene/texels.h"
 #include "src/scene/texture_cache.h"
 
 namespace trex::detail {
 namespace {
+
+constexpr std::int64_t kMostSide = 1 << 16;
 
 /// OpenImageIO chooses its reader by extension; names in glTF files need not have one.
 const char* extensionOf(std::span<const std::uint8_t> file) {
@@ -37,93 +37,6 @@ const char* extensionOf(std::span<const std::uint8_t> file) {
   if (starts("DDS ")) return ".dds";
   if (starts("PF") || starts("Pf")) return ".pfm";
   return ".tga";
-}
-
-void checkSize(const ImageFileSpec& spec, const std::string& name, std::int64_t maxSide) {
-  if (spec.width < 1 || spec.height < 1 || spec.channels.empty() || spec.depth > 1 || spec.deep) {
-    fail(ExitCode::kInput, "{}: not a plain two-dimensional image ({}x{}, {} channels)", name,
-         spec.width, spec.height, spec.channels.size());
-  }
-  if (spec.width > maxSide || spec.height > maxSide ||
-      std::int64_t(spec.width) * spec.height > kMaxTexels || spec.channels.size() > 1024) {
-    fail(ExitCode::kInput, "{}: {}x{} with {} channels is more than this program reads", name,
-         spec.width, spec.height, spec.channels.size());
-  }
-}
-
-/// Where the colours of a file are: one of its parts, and their first channel there.
-struct Colors {
-  int part = 0, channel = 0;
-  std::string layer;  ///< "ViewLayer.Combined", or empty
-  int channels = 3;   ///< 1: grey
-};
-
-/// Reads `channels` channels. A short or corrupt file is an error.
-void readPixels(ImageFile& file, Image& image, ImageValues as, void* target,
-                const Colors& at = {}) {
-  const int end = at.channel + image.channels;
-  std::string error;
-  if (!imageLibrary().read(file, at.part, at.channel, end, as, target, error)) {
-    fail(ExitCode::kInput, "{}: broken image: {}", image.name, oneLine(error));
-  }
-}
-
-ImageFileSpec specOf(ImageFile& file, int part) {
-  ImageFileSpec spec;
-  imageLibrary().spec(file, part, spec);
-  return spec;
-}
-
-std::string lowered(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return text;
-}
-
-/// All runs of three channels named R, G, B, with the name of a layer before them or without.
-std::vector<Colors> findColors(ImageFile& file) {
-  std::vector<Colors> found;
-  ImageFileSpec spec;
-  for (int part = 0; imageLibrary().spec(file, part, spec); ++part) {
-    const std::vector<std::string>& names = spec.channels;
-    for (std::size_t c = 0; c + 2 < names.size(); ++c) {
-      if (names[c].empty() || std::toupper(static_cast<unsigned char>(names[c].back())) != 'R') {
-        continue;
-      }
-      const std::string layer = names[c].substr(0, names[c].size() - 1);
-      if (!layer.empty() && layer.back() != '.') continue;
-      const bool run = lowered(names[c + 1]) == lowered(layer) + "g" &&
-                       lowered(names[c + 2]) == lowered(layer) + "b";
-      if (run) found.push_back({part, static_cast<int>(c), layer.substr(0, layer.rfind('.'))});
-    }
-  }
-  return found;
-}
-
-/// The picture itself before any layer; of layers the one with all light, or else the first.
-Colors chooseColors(ImageFile& file, const std::string& name) {
-  const std::vector<Colors> found = findColors(file);
-  if (found.empty()) {
-    const std::vector<std::string> names = specOf(file, 0).channels;
-    if (names.size() == 1 && (names[0] == "Y" || names[0] == "I")) return {0, 0, {}, 1};
-    fail(ExitCode::kInput, "{}: no channels R, G, B in any part of it; its first has {}", name,
-         fmt::join(names, ", "));
-  }
-  const auto best = [&](const auto& wanted) {
-    return std::find_if(found.begin(), found.end(), wanted);
-  };
-  auto at = best([](const Colors& c) { return c.layer.empty(); });
-  if (at != found.end()) return *at;
-  at = best([](const Colors& c) {
-    const std::string layer = lowered(c.layer);
-    return layer.ends_with("combined") || layer.ends_with("beauty");
-  });
-  if (at != found.end()) return *at;
-  if (found.size() > 1) {
-    logWarning("{}: has {} layers of colours, of which '{}' is taken", name, found.size(),
-               found.front().layer);
-  }
-  return found.front();
 }
 
 /// What is not finite becomes 0.
@@ -149,16 +62,6 @@ TexelKind kindOf(const ImageFileSpec& spec, bool srgb) {
       break;
   }
   return TexelKind::kFloat;
-}
-
-/// Before it is allocated.
-void checkRoom(std::uint64_t bytes, const std::string& name, const TextureCache* textures) {
-  const std::uint64_t left = leftBytes(textures != nullptr ? textures->maxMemory() : 0);
-  if (bytes <= left) return;
-  fail(ExitCode::kMemoryOrDevice,
-       "{}: the image needs {} to be decoded, {} are left; make --max-memory larger, or the image "
-       "smaller",
-       name, formatBytes(bytes), formatBytes(left));
 }
 
 }  // namespace
@@ -188,23 +91,28 @@ std::vector<std::uint8_t> readWholeFile(const std::filesystem::path& path, const
 Image decodeImage(std::span<const std::uint8_t> file, const std::string& name, bool srgb,
                   const TextureCache* textures) {
   if (file.empty()) fail(ExitCode::kInput, "{}: the image is empty", name);
+  const std::uint64_t maxMemory = textures != nullptr ? textures->maxMemory() : 0;
+  if (isRgbe(file)) return readRgbe(file, name, kMostSide, maxMemory);
   const std::lock_guard lock(imageDecoding());
   const std::string fileName = std::string("image") + extensionOf(file);
   std::string error;
   const OpenImageFile input(imageLibrary().openMemory(file, fileName, error));
   if (!input) {
-    fail(ExitCode::kInput, "{}: not an image that can be decoded: {}", name, oneLine(error));
+    fail(ExitCode::kInput, "{}: not an image that can be decoded: {}", name,
+         utf8Of(oneLine(error)));
   }
-  const ImageFileSpec spec = specOf(*input, 0);
-  checkSize(spec, name, 1 << 16);
+  Colors at;
+  at.channels = std::min(static_cast<int>(specOf(*input, 0).channels.size()), 4);
+  if (specOf(*input, 0).windowed) at = findColors(*input, name, true).value_or(at);
+  const ImageFileSpec spec = specOf(*input, at.part);
+  checkSize(spec, name, kMostSide);
   Image image;
   image.name = name;
-  image.width = spec.width;
-  image.height = spec.height;
-  image.channels = std::min(static_cast<int>(spec.channels.size()), 4);
+  setSize(spec, image);
+  image.channels = at.channels;
   const TexelKind kind = kindOf(spec, srgb);
-  checkRoom(texelBytes(image, kind), name, textures);
-  readPixels(*input, image, spec.values, makeTexels(image, kind).data());
+  checkRoom(texelBytes(image, kind), name, maxMemory);
+  readWindow(*input, at, spec, spec.values, name, makeTexels(image, kind).data());
   sanitise(image);
   // Of more than 16 bits, no floats.
   if (srgb && !spec.floats && kind == TexelKind::kFloat) {
@@ -214,37 +122,6 @@ Image decodeImage(std::span<const std::uint8_t> file, const std::string& name, b
         image.floats[i] = decodeSrgb(image.floats[i]);
       }
     }
-  }
-  return image;
-}
-
-Image readFloatImage(const std::filesystem::path& path, int maxWidth) {
-  const std::string name = path.string();
-  const std::lock_guard lock(imageDecoding());
-  std::string error;
-  const OpenImageFile input(imageLibrary().open(name, "", false, error));
-  if (!input) {
-    fail(ExitCode::kInput, "{}: not an image that can be decoded: {}", name, oneLine(error));
-  }
-  const Colors at = chooseColors(*input, name);
-  const ImageFileSpec spec = specOf(*input, at.part);
-  checkSize(spec, name, maxWidth);
-  if (spec.cropped()) {
-    fail(ExitCode::kInput, "{}: its data and display windows differ; write it uncropped", name);
-  }
-  Image image;
-  image.name = name;
-  image.width = spec.width;
-  image.height = spec.height;
-  image.channels = at.channels;
-  const std::size_t texels = std::size_t(spec.width) * spec.height;
-  image.floats.resize(texels * image.channels);
-  readPixels(*input, image, ImageValues::kFloat, image.floats.data(), at);
-  if (image.channels == 1) {
-    std::vector<float> rgb(texels * 3);
-    for (std::size_t i = 0; i < texels * 3; ++i) rgb[i] = image.floats[i / 3];
-    image.floats = std::move(rgb);
-    image.channels = 3;
   }
   return image;
 }

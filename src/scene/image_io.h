@@ -27,9 +27,11 @@ std::vector<std::uint8_t> readWholeFile(const std::filesystem::path& path, const
 Image decodeImage(std::span<const std::uint8_t> file, const std::string& name, bool srgb,
                   const TextureCache* textures);
 
-/// As above for a file on disk, read as floats with three channels; for environments. Of several
-/// parts or layers it takes the first R, G, B that belong to no layer, or else those of a layer
-/// `Combined` or `beauty`, or else the first layer's. `maxWidth` limits both sides.
+/// Reads a file on disk as light: three floats a texel of linear Rec. 709, finite and not negative;
+/// for environments. Whole numbers are decoded as sRGB, the primaries that an .exr names are
+/// converted, infinity is the largest half. Of several parts or layers it takes the first R, G, B
+/// that belong to no layer, or else those of a layer `Combined` or `beauty`, or else the first
+/// layer's. `maxWidth` limits both sides. Says what it changes. Throws as decodeImage() does.
 Image readFloatImage(const std::filesystem::path& path, int maxWidth);
 
 }  // namespace trex::detail

@@ -28,6 +28,13 @@ Material defaultMaterial() {
   return grey;
 }
 
+std::string lowerExtension(const std::filesystem::path& path) {
+  std::string extension = path.extension().string();
+  std::transform(extension.begin(), extension.end(), extension.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return extension;
+}
+
 void noteFile(Scene& scene, const std::filesystem::path& path) {
   const std::string name = path.string();
   std::error_code error;
@@ -58,18 +65,11 @@ SourceFile examineSource(const std::filesystem::path& path) {
 
 namespace {
 
-std::string lowerExtension(const std::filesystem::path& path) {
-  std::string extension = path.extension().string();
-  std::transform(extension.begin(), extension.end(), extension.begin(),
-                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension;
-}
-
 /// Of what is packed, if gzip has packed a format that is read through an InputFile.
 std::string formatOf(const std::filesystem::path& path) {
-  const std::string extension = lowerExtension(path);
+  const std::string extension = detail::lowerExtension(path);
   if (extension != ".gz") return extension;
-  const std::string inner = lowerExtension(path.stem());
+  const std::string inner = detail::lowerExtension(path.stem());
   return inner == ".pbrt" || inner == ".ply" || inner == ".obj" ? inner : extension;
 }
 

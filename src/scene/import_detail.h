@@ -49,6 +49,9 @@ std::unique_ptr<TriangleStream> openPlyStream(const std::filesystem::path& path,
 std::unique_ptr<TriangleStream> openObjStream(const std::filesystem::path& path,
                                               const ImportOptions& options);
 
+/// A file's extension with its point, in lower case.
+std::string lowerExtension(const std::filesystem::path& path);
+
 /// Adds a file that is about to be read to Scene::files, once. One that is not there is left to
 /// the reader to complain about.
 void noteFile(Scene& scene, const std::filesystem::path& path);

@@ -20,6 +20,11 @@ void readIntegrator(Context& context, const Element& integrator) {
   if (depth == 0.0) {
     context.note(integrator, "max_depth 0 would be a black picture; emission is shown, as with 1");
   }
+  if (of.flag("hide_emitters", false)) {
+    context.replace(integrator,
+                    "hide_emitters: what shines is seen all the same; --transparent leaves the "
+                    "background out");
+  }
   for (const Element* inner : of.objects("integrator")) readIntegrator(context, *inner);
 }
 

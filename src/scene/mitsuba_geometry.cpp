@@ -105,8 +105,10 @@ void describeFile(const Properties& shape, Geometry& out) {
 }  // namespace
 
 void Geometry::setMirrored(bool isMirrored) {
+  // A ball that is mirrored has a negative radius in Mitsuba, and its outside within.
+  if (isMirrored && kind == "sphere") flip = !flip;
   mirrored = isMirrored && !file.empty();
-  if (mirrored) key += " mirrored";
+  if (mirrored || (isMirrored && kind == "sphere")) key += " mirrored";
 }
 
 void Geometry::setColored(bool isColored) {

@@ -126,6 +126,64 @@ SampledSpectrum samplesOf(Context& context, const Element& e) {
   return spectrum;
 }
 
+/// A value of a spectrum that is written as an object: "value" of <float name="value"/>.
+std::string_view valueIn(const Element& e, std::string_view name) {
+  for (const Element& child : e.children) {
+    if (child.name() == name) return child.attribute("value");
+  }
+  return {};
+}
+
+/// Values at the wavelengths that are listed, or evenly spread from the first to the last.
+SampledSpectrum tableOf(Context& context, const Element& e) {
+  SampledSpectrum spectrum;
+  const std::vector<double> values = numbersOf(valueIn(e, "values"));
+  std::vector<double> at = numbersOf(valueIn(e, "wavelengths"));
+  if (e.type() == "regular") {
+    const auto end = [&](const char* name, const char* old, double otherwise) {
+      const std::string_view given = valueIn(e, name);
+      const std::vector<double> n = numbersOf(given.empty() ? valueIn(e, old) : given);
+      return n.size() == 1 ? n[0] : otherwise;
+    };
+    const double first = end("wavelength_min", "lambda_min", 360.0);
+    const double last = end("wavelength_max", "lambda_max", 830.0);
+    at.clear();
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      at.push_back(first + (last - first) * double(i) / std::max(double(values.size()) - 1.0, 1.0));
+    }
+  }
+  for (std::size_t i = 0; i < std::min(at.size(), values.size()); ++i) {
+    spectrum.nanometres.push_back(static_cast<float>(at[i]));
+    spectrum.values.push_back(static_cast<float>(values[i]));
+  }
+  spectrum.sanitise();
+  if (spectrum.nanometres.size() < 2 || at.size() != values.size()) {
+    context.replace(e, "a spectrum needs as many wavelengths as values, two at least");
+  }
+  return spectrum;
+}
+
+/// A spectrum that is written as an object of a type.
+vec3 typedSpectrumOf(Context& context, const Element& e, ColorKind kind) {
+  const auto number = [&](const char* name, double otherwise) {
+    const std::vector<double> n = numbersOf(valueIn(e, name));
+    return static_cast<float>(n.size() == 1 ? n[0] : otherwise);
+  };
+  const std::string_view type = e.type();
+  if (type == "uniform") return vec3(number("value", 1.0));
+  if (type == "blackbody") return blackbodyRgb(number("temperature", 0.0), false);
+  if (type == "regular" || type == "irregular") {
+    const SampledSpectrum table = tableOf(context, e);
+    return kind == ColorKind::kEmission ? emissionRgb(table) : reflectanceRgb(table);
+  }
+  // Colours, and D65 that is white or has one.
+  vec3 color(1.0f);
+  for (const Element& child : e.children) {
+    if (child.name() == "color") color = colorOf(context, child, kind);
+  }
+  return type == "d65" ? color * number("scale", 1.0) : color;
+}
+
 vec3 spectrumOf(Context& context, const Element& e, ColorKind kind) {
   const std::string_view value = e.attribute("value");
   if (e.attribute("filename").empty() && value.find(':') == value.npos) {
@@ -179,7 +237,12 @@ dmat4 transformOf(Context& context, const Element& element) {
 bool isColor(const Element& e) {
   constexpr std::array<std::string_view, 7> kTags = {"rgb",       "srgb",  "spectrum", "color",
                                                      "blackbody", "float", "integer"};
-  return std::find(kTags.begin(), kTags.end(), e.tag) != kTags.end();
+  constexpr std::array<std::string_view, 7> kTypes = {"uniform",   "d65",  "blackbody", "regular",
+                                                      "irregular", "srgb", "rgb"};
+  const auto among = [](const auto& names, std::string_view name) {
+    return std::find(names.begin(), names.end(), name) != names.end();
+  };
+  return among(kTags, e.tag) || (e.tag == "texture" && among(kTypes, e.type()));
 }
 
 vec3 colorOf(Context& context, const Element& e, ColorKind kind) {
@@ -190,6 +253,8 @@ vec3 colorOf(Context& context, const Element& e, ColorKind kind) {
     double kelvin = 0.0;
     if (!parseDouble(text, kelvin)) context.replace(e, "no temperature; black is used");
     color = blackbodyRgb(kelvin, false) * static_cast<float>(numberOf(context, e, "scale", 1.0));
+  } else if (e.tag == "texture" || !e.type().empty()) {
+    color = typedSpectrumOf(context, e, kind);
   } else if (e.tag == "spectrum") {
     color = spectrumOf(context, e, kind);
   } else {

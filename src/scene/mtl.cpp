@@ -15,7 +15,7 @@ namespace trex::detail {
 namespace {
 
 /// Statements that say nothing about light, or the same as others.
-const std::set<std::string_view> kSilent = {"ka", "map_ka", "sharpness", "map_ns", "map_aat"};
+const std::set<std::string_view> kSilent = {"ka", "map_ka", "sharpness", "map_aat"};
 
 /// What one material's statements say, before it is made.
 struct Read {
@@ -31,10 +31,11 @@ struct Read {
 
 class MtlReader {
  public:
-  MtlReader(const std::filesystem::path& path, const ImportOptions& options, Scene& scene,
-            std::map<std::string, int>& names)
+  MtlReader(const std::filesystem::path& path, const std::filesystem::path& modelFolder,
+            const ImportOptions& options, Scene& scene, std::map<std::string, int>& names)
       : input_(path),
         folder_(path.parent_path()),
+        modelFolder_(modelFolder),
         options_(options),
         scene_(scene),
         names_(names) {}
@@ -335,6 +336,9 @@ class MtlReader {
       made.offset += vec2(values[0], count > 1 ? -values[1] : 0.0f);
     } else if (option == "-bm" && count > 0) {
       read_.bumpStrength = std::clamp(values[0], -100.0f, 100.0f);
+    } else if (option == "-imfchan" ||
+               (option == "-mm" && (values[0] != 0.0f || values[1] != 1.0f))) {
+      leftOut_.add(option);
     }
     return true;
   }
@@ -359,20 +363,27 @@ class MtlReader {
       replace("{} names no file; it is left out", keyword);
       return {};
     }
+    const std::filesystem::path* folder = &folder_;
     const auto known = [&] {
       std::error_code error;
-      return std::filesystem::is_regular_file(findFile(folder_, std::string(name)), error);
+      for (const auto* from : {&folder_, &modelFolder_}) {
+        if (!std::filesystem::is_regular_file(findFile(*from, std::string(name)), error)) continue;
+        folder = from;
+        return true;
+      }
+      return false;
     };
     if (!known()) name = withoutComment(name);
     if (!known()) name = withoutOptions(name, made);
+    known();
     const bool color = keyword == "map_kd" || keyword == "map_ke" || keyword == "map_ks";
-    made.image = imageOfFile(scene_, folder_, std::string(name), color,
+    made.image = imageOfFile(scene_, *folder, std::string(name), color,
                              input_.where() + ": texture", "it is left out");
     return made.present() ? made : Texture{};
   }
 
   Statements input_;
-  std::filesystem::path folder_;
+  std::filesystem::path folder_, modelFolder_;
   const ImportOptions& options_;
   Scene& scene_;
   std::map<std::string, int>& names_;
@@ -383,10 +394,10 @@ class MtlReader {
 
 }  // namespace
 
-void readMtl(const std::filesystem::path& path, const ImportOptions& options, Scene& scene,
-             std::map<std::string, int>& names) {
+void readMtl(const std::filesystem::path& path, const std::filesystem::path& modelFolder,
+             const ImportOptions& options, Scene& scene, std::map<std::string, int>& names) {
   noteFile(scene, path);
-  MtlReader(path, options, scene, names).read();
+  MtlReader(path, modelFolder, options, scene, names).read();
 }
 
 }  // namespace trex::detail

@@ -26,10 +26,10 @@
 
 namespace trex::detail {
 
-/// Appends the materials of a file to the scene and enters them in `names`. Images are loaded once
-/// for each file name. What can't be read is in Scene::replaced, with file and line. Throws
-/// Error(kInput) if the file itself can't be read.
-void readMtl(const std::filesystem::path& path, const ImportOptions& options, Scene& scene,
-             std::map<std::string, int>& names);
+/// Appends the materials of a file to the scene and enters them in `names`. Images lie beside it
+/// or, as some programs have it, beside the model; each file is loaded once. What can't be read is
+/// in Scene::replaced, with file and line. Throws Error(kInput) if the file itself can't be read.
+void readMtl(const std::filesystem::path& path, const std::filesystem::path& modelFolder,
+             const ImportOptions& options, Scene& scene, std::map<std::string, int>& names);
 
 }  // namespace trex::detail

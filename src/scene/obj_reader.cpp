@@ -184,7 +184,7 @@ bool ObjReader::readLibrary(std::string_view name) {
   if (!std::filesystem::is_regular_file(file, error)) return false;
   known->second = true;
   try {
-    readMtl(file, options_, scene_, materialNames_);
+    readMtl(file, path_.parent_path(), options_, scene_, materialNames_);
   } catch (const Error& e) {
     if (e.code() != ExitCode::kInput) throw;
     replace("{}; the rest of that file is left out", e.what());

@@ -182,7 +182,7 @@ class ObjStream : public TriangleStream, ObjReader {
 
 std::unique_ptr<TriangleStream> openObjStream(const std::filesystem::path& path,
                                               const ImportOptions& options) {
-  if (path.extension() != ".obj" || !std::filesystem::is_regular_file(path)) return nullptr;
+  if (lowerExtension(path) != ".obj" || !std::filesystem::is_regular_file(path)) return nullptr;
   return std::make_unique<ObjStream>(path, options);
 }
 

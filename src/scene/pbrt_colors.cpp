@@ -4,26 +4,13 @@
 #include <array>
 #include <cmath>
 
+#include "src/scene/chromaticities.h"
 #include "src/scene/texture_file.h"
 
 namespace trex::detail {
 namespace {
 
 constexpr double kSodium = 589.3;  ///< nanometres
-
-/// x, y of red, green, blue and white.
-using Chromaticities = std::array<glm::dvec2, 4>;
-constexpr Chromaticities kRec709 = {{{0.64, 0.33}, {0.30, 0.60}, {0.15, 0.06}, {0.3127, 0.3290}}};
-
-/// RGB to XYZ, white of luminance 1 [SMPTE RP 177].
-glm::dmat3 toXyz(const Chromaticities& c) {
-  const auto xyz = [](const glm::dvec2& p) {
-    return dvec3(p.x / p.y, 1.0, (1.0 - p.x - p.y) / p.y);
-  };
-  const glm::dmat3 primaries(xyz(c[0]), xyz(c[1]), xyz(c[2]));
-  const dvec3 shares = glm::inverse(primaries) * xyz(c[3]);
-  return {primaries[0] * shares.x, primaries[1] * shares.y, primaries[2] * shares.z};
-}
 
 std::optional<Chromaticities> spaceOf(const std::string& name) {
   if (name == "srgb") return kRec709;

@@ -137,11 +137,6 @@ std::optional<Image> PbrtLights::readMap(const std::string& file) {
   try {
     Image image = readFloatImage(path, kMaxMapWidth);
     context_.note(path);
-    const bool encoded = path.extension() == ".png" || path.extension() == ".tga";
-    for (float& value : image.floats) {
-      if (!std::isfinite(value) || value < 0.0f) value = 0.0f;
-      if (encoded) value = decodeSrgb(value);
-    }
     return image;
   } catch (const Error& e) {
     if (e.code() != ExitCode::kInput) throw;

@@ -19,15 +19,19 @@ std::uint8_t byteOf(float value) {
   return static_cast<std::uint8_t>(clampedUnit(value) * 255.0f + 0.5f);
 }
 
-/// Bytes decoded by a power, as floats.
+/// Bytes or words decoded by a power, as floats.
 Image decoded(const Image& image, float gamma) {
   Image made = inMemory(image);
-  const std::vector<std::uint8_t> bytes = std::move(made.bytes);
+  const auto decode = [&](const auto& values, float largest) {
+    made.floats.reserve(values.size());
+    for (const auto value : values) {
+      made.floats.push_back(std::pow(static_cast<float>(value) / largest, gamma));
+    }
+  };
+  decode(made.bytes, 255.0f);
+  decode(made.words, 65535.0f);
   made.bytes.clear();
-  made.floats.reserve(bytes.size());
-  for (const std::uint8_t byte : bytes) {
-    made.floats.push_back(std::pow(static_cast<float>(byte) / 255.0f, gamma));
-  }
+  made.words.clear();
   return made;
 }
 
@@ -96,7 +100,11 @@ int PbrtTextures::imageOfFileName(const std::string& name, float gamma,
   if (known != imagesByName_.end()) return known->second;
   int image = imageOfFile(context_.scene, context_.folder, name, gamma == 0.0f,
                           context_.where() + ": texture", instead);
-  if (image != kNone && gamma > 0.0f && !isDeep(context_.scene.images[image])) {
+  // Words that are linear are so already; floats are.
+  const TexelKind kind =
+      image == kNone ? TexelKind::kFloat : texelKind(context_.scene.images[image]);
+  const bool words = kind == TexelKind::kWord && gamma != 1.0f;
+  if (gamma > 0.0f && (kind == TexelKind::kByte || words)) {
     image = imageNamed(key, [&] { return decoded(context_.scene.images[image], gamma); });
   }
   imagesByName_[key] = image;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <map>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -40,7 +41,9 @@ inline Slot slotOf(const PlyProperty& property) {
                                                           {"g", kGreen},
                                                           {"b", kBlue},
                                                           {"a", kAlpha}};
-  const auto found = property.isList ? kNames.end() : kNames.find(property.name);
+  std::string name = property.name;  // some programs write capitals
+  for (char& c : name) c = static_cast<char>(c >= 'A' && c <= 'Z' ? c - 'A' + 'a' : c);
+  const auto found = property.isList ? kNames.end() : kNames.find(name);
   return found == kNames.end() ? kUnused : found->second;
 }
 

@@ -323,7 +323,7 @@ std::unique_ptr<TriangleStream> openPlyStream(const std::filesystem::path& path,
                                               const ImportOptions& options) {
   static_assert(std::endian::native == std::endian::little);
   PlyLayout layout;
-  if (path.extension() != ".ply" || !std::filesystem::is_regular_file(path)) return nullptr;
+  if (lowerExtension(path) != ".ply" || !std::filesystem::is_regular_file(path)) return nullptr;
   Scene scene;
   GrowingArray<std::uint8_t> converted(scratchFolder(options));
   const bool clouds = options.pointSize > 0.0;

@@ -74,6 +74,7 @@ enum class AlphaMode : std::uint8_t { kOpaque, kMask, kBlend };
 /// and _iridescence; a metal's own reflectance; Beckmann's microfacets. Factors multiply textures.
 struct Finish {
   float clearcoat = 0.0f, clearcoatRoughness = 0.0f;  ///< [0, 1]; a layer of index 1.5
+  float clearcoatNormalScale = 1.0f;                  ///< of its normals along the texture
   vec3 sheenColor{0.0f};                              ///< [0, 1]
   float sheenRoughness = 0.0f;                        ///< [0, 1]
   float anisotropy = 0.0f;          ///< [0, 1]; how much rougher it is along its direction

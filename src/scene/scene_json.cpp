@@ -29,6 +29,7 @@ constexpr float kMostNanometres = 1e6f;
 constexpr FinishNumber kFinishNumbers[] = {
     {"clearcoat", &Finish::clearcoat, 0.0f, 1.0f},
     {"clearcoat_roughness", &Finish::clearcoatRoughness, 0.0f, 1.0f},
+    {"clearcoat_normal_scale", &Finish::clearcoatNormalScale, -1e6f, 1e6f},
     {"sheen_roughness", &Finish::sheenRoughness, 0.0f, 1.0f},
     {"anisotropy", &Finish::anisotropy, 0.0f, 1.0f},
     {"anisotropy_rotation_radians", &Finish::anisotropyRotation, -1e6f, 1e6f},
@@ -147,6 +148,7 @@ const std::vector<const char*>& materialKeys() {
                                                 "attenuation_distance_metres",
                                                 "clearcoat",
                                                 "clearcoat_roughness",
+                                                "clearcoat_normal_scale",
                                                 "sheen_color",
                                                 "sheen_roughness",
                                                 "anisotropy",

@@ -45,7 +45,10 @@ std::string_view withoutComment(std::string_view arguments) {
 bool Statements::next(std::string_view& keyword, std::string_view& arguments) {
   std::string_view line;
   while (input_.readLine(line)) {
-    const std::string_view word = nextWord(line);
+    std::string_view word = nextWord(line);
+    // Byte order marks lie inside of files that were joined.
+    while (word.starts_with("\xef\xbb\xbf")) word.remove_prefix(3);
+    if (word.empty()) word = nextWord(line);
     if (word.empty()) continue;
     lowerCase(word, keyword_);
     if (word.front() == '#' && keyword_ != kPolypaint) continue;

@@ -89,7 +89,7 @@ class StlStream : public TriangleStream {
 std::unique_ptr<TriangleStream> openStlStream(const std::filesystem::path& path,
                                               const ImportOptions& options) {
   static_assert(std::endian::native == std::endian::little);
-  if (path.extension() != ".stl" || !std::filesystem::is_regular_file(path)) return nullptr;
+  if (lowerExtension(path) != ".stl" || !std::filesystem::is_regular_file(path)) return nullptr;
   const StlKind kind = kindOfStl(path);
   if (!kind.binary) return nullptr;
   return std::make_unique<StlStream>(path, kind, options);

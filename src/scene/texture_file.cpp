@@ -5,6 +5,7 @@
 #include "src/scene/image_io.h"
 #include "src/scene/import_detail.h"
 #include "src/scene/input_file.h"
+#include "src/scene/texels.h"
 #include "src/scene/texture_cache.h"
 
 namespace trex::detail {
@@ -88,13 +89,21 @@ int imageOfFile(Scene& scene, const fs::path& folder, const std::string& name, b
   }
   const fs::path path = findFile(folder, name);
   const std::string full = path.string();
+  // Whole numbers of 16 bits are decoded as they are read, so who reads them otherwise has others.
+  const std::string other = full + (srgb ? ", as colours" : ", as numbers");
+  bool taken = false;
   for (std::size_t i = 0; i < scene.images.size(); ++i) {
-    if (scene.images[i].name == full) return static_cast<int>(i);
+    const Image& image = scene.images[i];
+    if (image.name == other) return static_cast<int>(i);
+    if (image.name != full) continue;
+    const TexelKind kind = texelKind(image);
+    if (kind != (srgb ? TexelKind::kWord : TexelKind::kSrgbWord)) return static_cast<int>(i);
+    taken = true;
   }
   try {
     Image image =
         decodeImage(readWholeFile(path, where), where + ": " + full, srgb, scene.textures.get());
-    image.name = full;
+    image.name = taken ? other : full;
     noteFile(scene, path);
     return addImage(scene, std::move(image));
   } catch (const Error& e) {

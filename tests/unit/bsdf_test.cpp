@@ -41,6 +41,12 @@ Material cloth(const vec3& color, float roughness) {
   return m;
 }
 
+Material dulled(Material glass) {
+  glass.specular = 0.5f;
+  glass.specularColor = vec3(0.2f, 1.0f, 1.5f);
+  return glass;
+}
+
 Material brushed(float strength, float rotation) {
   Material m = glossy(1.0f, 0.3f, 0.0f, false);
   m.finish.anisotropy = strength;
@@ -78,6 +84,8 @@ std::vector<Case> cases() {
           {"frostedThin", glossy(0.0f, 0.4f, 1.0f, false), 0.8f},
           {"frostedSolid", glossy(0.0f, 0.4f, 1.0f, true), 0.8f},
           {"halfTransmission", glossy(0.0f, 0.5f, 0.5f, true), 0.5f},
+          {"dulledThin", dulled(glossy(0.0f, 0.4f, 1.0f, false)), 0.8f},
+          {"dulledSolid", dulled(glossy(0.0f, 0.4f, 1.0f, true)), 0.5f},
           {"coatedMetal", coated(glossy(1.0f, 0.6f, 0.0f, false), 1.0f, 0.3f), 0.3f},
           {"coatedFrosted", coated(glossy(0.0f, 0.4f, 1.0f, false), 0.7f, 0.4f), 0.5f},
           {"cloth", cloth(vec3(0.9f, 0.5f, 0.2f), 0.5f), 0.4f},
@@ -329,6 +337,54 @@ TEST(Bsdf, MirrorAndGlassAreDelta) {
   }
   EXPECT_NEAR(transmitted / 4000.0, 1.0 - static_cast<double>(fresnelDielectric(0.6f, 1.5f)), 0.15);
   EXPECT_GT(kept, 0.75);
+}
+
+/// KHR_materials_specular: glass reflects as much less as it says, and lets the rest through. Seen
+/// straight on through a thin sheet: R = 2 F / (1 + F).
+TEST(Bsdf, GlassReflectsByItsSpecularFactor) {
+  Scene scene;
+  const Surface s = surfaceAtOrigin();
+  const vec3 out = outgoing(s, 1.0f);
+  const float both = 2.0f * 0.04f / 1.04f;
+  for (const float specular : {0.0f, 0.5f, 1.0f}) {
+    Material m = glossy(0.0f, 0.0f, 1.0f, false);
+    m.specular = specular;
+    m.specularColor = vec3(0.5f, 1.0f, 2.0f);
+    scene.materials = {m};
+    const Bsdf bsdf(scene, s, out);
+    const vec3 reflected = both * specular * m.specularColor;
+    vec3 seen(0.0f), through(0.0f);
+    for (std::uint32_t i = 0; i < 4096; ++i) {
+      Sampler sampler(i, 0, 0);
+      BsdfSample sample;
+      if (!bsdf.sample(sampler, sample)) continue;
+      (sample.transmitted ? through : seen) += sample.weight / 4096.0f;
+    }
+    for (int c = 0; c < 3; ++c) {
+      EXPECT_NEAR(bsdf.clearTransmission()[c], m.baseColor[c] * (1.0f - reflected[c]), 1e-5f);
+      EXPECT_NEAR(seen[c], reflected[c], 0.02f);
+      EXPECT_NEAR(through[c], m.baseColor[c] * (1.0f - reflected[c]), 0.03f);
+    }
+    EXPECT_EQ(seen == vec3(0.0f), specular == 0.0f);
+  }
+}
+
+/// Total reflection is not a matter of factors.
+TEST(Bsdf, GlassReflectsTotallyWhateverItsFactor) {
+  Scene scene;
+  Surface s = surfaceAtOrigin();
+  s.geometricNormal = s.shadingNormal = -s.geometricNormal;
+  const vec3 out = outgoing(surfaceAtOrigin(), 0.3f);  // from within
+  Material m = glossy(0.0f, 0.0f, 1.0f, true);
+  m.specular = 0.0f;
+  scene.materials = {m};
+  const Bsdf bsdf(scene, s, out);
+  EXPECT_EQ(bsdf.clearTransmission(), vec3(0.0f));
+  Sampler sampler(1, 0, 0);
+  BsdfSample sample;
+  ASSERT_TRUE(bsdf.sample(sampler, sample));
+  EXPECT_FALSE(sample.transmitted);
+  for (int c = 0; c < 3; ++c) EXPECT_NEAR(sample.weight[c], 1.0f, 1e-6f);
 }
 
 TEST(Fresnel, KnownValues) {

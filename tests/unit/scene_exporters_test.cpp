@@ -1,6 +1,7 @@
 // Files as exporters write them: the picture that is meant comes out of every way to write it.
 #include "src/scene/polygon.h"
 #include "src/scene/texture.h"
+#include "src/scene/triangle_stream.h"
 #include "tests/unit/scene_helpers.h"
 
 namespace trex::test {
@@ -555,6 +556,52 @@ TEST(VertexColours, DarkOnesDoNotBand) {
 }
 
 /// Half of the world writes a comma, Fortran a D.
+TEST_F(SceneExporters, OptionsOfMapsThatAreNotShownAreSaid) {
+  write("a.png", tinyPng());
+  for (const char* line : {"map_Kd -mm 0.1 0.5 a.png", "map_d -imfchan r a.png", "map_Ns a.png"}) {
+    material(line);
+    EXPECT_TRUE(anyWarning(scene_, "not shown")) << line;
+  }
+  material("map_Kd -mm 0 1 a.png");
+  EXPECT_FALSE(anyWarning(scene_, "not shown"));
+}
+
+TEST_F(SceneExporters, TexturesBesideTheModelOfALibraryElsewhere) {
+  std::filesystem::create_directories(folder_ / "sub");
+  write("a.png", tinyPng());
+  write("sub/m.mtl", "newmtl m\nmap_Kd a.png\n");
+  const Scene s = import("m.obj",
+                         "mtllib sub/m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nusemtl m\n"
+                         "f 1/1 2/1 3/1\n");
+  EXPECT_EQ(s.replaced.count, 0u);
+  EXPECT_TRUE(s.materials[s.meshes[0].material].baseColorTexture.present());
+}
+
+TEST_F(SceneExporters, FilesThatWereJoinedHaveMarksInside) {
+  const Scene s = import("a.obj",
+                         "v 0 0 0\n\xef\xbb\xbfv 1 0 0\n\xef\xbb\xbf\n"
+                         "\xef\xbb\xbf v 1 1 0\nf 1 2 3\n");
+  EXPECT_EQ(s.meshes[0].positions.size(), 3u);
+}
+
+TEST_F(SceneExporters, CapitalsOfPlyAndOfNames) {
+  const std::string text =
+      "ply\nformat ascii 1.0\nelement vertex 3\nproperty float X\nproperty float Y\n"
+      "property float Z\nproperty uchar Red\nproperty uchar Green\nproperty uchar Blue\n"
+      "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+      "0 0 0 1 2 3\n1 0 0 1 2 3\n0 1 0 1 2 3\n3 0 1 2\n";
+  const Scene s = import("A.PLY", text);
+  EXPECT_EQ(s.meshes[0].colors.at(0), glm::u8vec4(1, 2, 3, 255));
+  for (const char* name : {"B.PLY", "C.OBJ", "D.STL"}) {
+    std::string bytes = name[0] == 'B' ? text : "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    if (name[0] == 'D')
+      bytes = std::string(80, '\0') + std::string("\1\0\0\0", 4) + std::string(50, '\1');
+    const auto stream = openTriangleStream(write(name, bytes), {});
+    ASSERT_TRUE(stream) << name;
+    EXPECT_EQ(stream->triangleCount(), 1u) << name;
+  }
+}
+
 TEST_F(SceneExporters, NumbersOfOtherTongues) {
   const std::vector<vec3> right = {{0.5f, 0, 0}, {100, 0, 0}, {0, -1.25f, 0}};
   const Scene obj = import("a.obj", "v 0,5 0,0 0\nv 1.0D+2 0 0\nv 0 -1,25 0\nf 1 2 3\n");

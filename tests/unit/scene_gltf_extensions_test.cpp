@@ -4,6 +4,7 @@
 #include <draco/mesh/triangle_soup_mesh_builder.h>
 #include <meshoptimizer.h>
 
+#include "src/scene/scene_json.h"
 #include "src/scene/texture.h"
 #include "tests/unit/scene_helpers.h"
 
@@ -368,6 +369,49 @@ TEST_F(SceneGltfMore, SpecularGlossinessTexture) {
     EXPECT_NEAR(roughness(0.75f), alpha ? 0.9f : 0.5f, 0.003f);
     EXPECT_EQ(m.metallic, 0.0f);
   }
+}
+
+/// The scale of the coat's own normals.
+TEST_F(SceneGltfMore, NormalsOfCoatsAreScaled) {
+  GlbBuilder b = squareGlb();
+  primitive(b)["material"] = 0;
+  primitive(b)["attributes"]["TEXCOORD_0"] = b.floats({0, 1, 1, 1, 1, 0, 0, 0}, "VEC2");
+  b.doc["images"] = {{{"uri", "data:image/png;base64," + base64(tinyPng())}}};
+  b.doc["textures"] = {{{"source", 0}}};
+  b.doc["materials"] = {{{"extensions",
+                          {{"KHR_materials_clearcoat",
+                            {{"clearcoatFactor", 1.0},
+                             {"clearcoatNormalTexture", {{"index", 0}, {"scale", 0.5}}}}}}}}};
+  b.node({{"mesh", 0}});
+  const Scene s = import("a.glb", b.glb());
+  const Finish& f = s.materials[s.meshes[0].material].finish;
+  EXPECT_EQ(f.clearcoatNormalScale, 0.5f);
+  EXPECT_TRUE(f.clearcoatNormalTexture.present());
+  EXPECT_EQ(materialJson(s.materials[0]).at("clearcoat_normal_scale"), 0.5);
+}
+
+/// Normal maps lie along their textures; tangents that say otherwise are told of.
+TEST_F(SceneGltfMore, TangentsThatAreNotAlongTheTexture) {
+  const auto said = [&](const std::vector<float>& tangent, bool normalMap = true) {
+    GlbBuilder b = squareGlb();
+    primitive(b)["material"] = 0;
+    primitive(b)["attributes"]["TEXCOORD_0"] = b.floats({0, 1, 1, 1, 1, 0, 0, 0}, "VEC2");
+    std::vector<float> all;
+    for (int i = 0; i < 4; ++i) all.insert(all.end(), tangent.begin(), tangent.end());
+    primitive(b)["attributes"]["TANGENT"] = b.floats(all, "VEC4");
+    b.doc["images"] = {{{"uri", "data:image/png;base64," + base64(tinyPng())}}};
+    b.doc["textures"] = {{{"source", 0}}};
+    b.doc["materials"] = {{{normalMap ? "normalTexture" : "emissiveTexture", {{"index", 0}}}}};
+    b.node({{"mesh", 0}});
+    return anyReplaced(import("a.glb", b.glb()), "tangents of 100 %");
+  };
+  EXPECT_FALSE(said({1, 0, 0, 1}));
+  EXPECT_FALSE(said({0.8f, 0.3f, 0, 1}));
+  EXPECT_TRUE(said({-1, 0, 0, 1}));
+  EXPECT_TRUE(said({0, 1, 0, 1}));
+  EXPECT_TRUE(said({1, 0, 0, -1}));
+  EXPECT_FALSE(said({0, 1, 0, 1}, false));
+  EXPECT_FALSE(said({0, 0, 0, 0}));
 }
 
 TEST_F(SceneGltfMore, Finishes) {

@@ -312,8 +312,13 @@ GlbBuilder texturedGlb(const std::string& png, const std::string& uri) {
 
 TEST_F(SceneGltf, ImagesInBufferViewsDataUrisAndFiles) {
   write("an image.png", tinyPng());
-  for (const std::string& uri : {std::string(), "data:image/png;base64," + base64(tinyPng()),
-                                 std::string("an%20image.png")}) {
+  const std::string encoded = base64(tinyPng());
+  std::string percent = "data:image/png,";
+  for (const char c : tinyPng()) percent += fmt::format("%{:02X}", static_cast<unsigned char>(c));
+  for (const std::string& uri :
+       {std::string(), "data:image/png;base64," + encoded, std::string("an%20image.png"),
+        "data:image/png;charset=utf-8;BASE64," + encoded, "data:;base64," + encoded, percent,
+        "data:image/png;base64," + encoded.substr(0, 21) + "\r\n " + encoded.substr(21)}) {
     const Scene s = import("a.glb", texturedGlb(tinyPng(), uri).glb());
     ASSERT_EQ(s.images.size(), 1u);
     const Image& image = s.images[0];

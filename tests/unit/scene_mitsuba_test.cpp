@@ -275,6 +275,79 @@ TEST_F(Mitsuba, ColoursOfEachKind) {
   expectNear(color("<spectrum name=\"reflectance\" filename=\"grey.spd\"/>"), vec3(0.25f), 1e-4f);
 }
 
+/// As Mitsuba writes scenes itself: <spectrum type="..."> with the values inside.
+TEST_F(Mitsuba, SpectraThatAreObjects) {
+  const auto radiance = [&](const std::string& type, const std::string& inside,
+                            const char* tag = "spectrum") {
+    return material(std::string("<emitter type=\"area\"><") + tag + " name=\"radiance\" type=\"" +
+                    type + "\">" + inside + "</" + tag + "></emitter>")
+        .emission;
+  };
+  const auto number = [](const std::string& name, const std::string& value) {
+    return "<float name=\"" + name + "\" value=\"" + value + "\"/>";
+  };
+  const auto text = [](const std::string& name, const std::string& value) {
+    return "<string name=\"" + name + "\" value=\"" + value + "\"/>";
+  };
+  expectNear(radiance("uniform", number("value", "3")), vec3(3.0f));
+  expectNear(radiance("uniform", number("value", "3"), "texture"), vec3(3.0f));
+  expectNear(radiance("d65", ""), vec3(1.0f));
+  expectNear(radiance("d65", number("scale", "2.5")), vec3(2.5f));
+  const std::string color = "<rgb name=\"color\" value=\"0.2 0.4 0.6\"/>";
+  expectNear(radiance("d65", color + number("scale", "2")), {0.4f, 0.8f, 1.2f});
+  expectNear(radiance("srgb", color), {0.2f, 0.4f, 0.6f});
+  expectNear(radiance("blackbody", number("temperature", "5000")),
+             material("<emitter type=\"area\"><blackbody name=\"radiance\" "
+                      "temperature=\"5000K\"/></emitter>")
+                 .emission,
+             1.0f);
+  const vec3 list = material(
+                        "<emitter type=\"area\"><spectrum name=\"radiance\" value=\"400:1, "
+                        "500:2, 600:3\"/></emitter>")
+                        .emission;
+  expectNear(radiance("irregular", text("wavelengths", "400,500,600") + text("values", "1,2,3")),
+             list);
+  expectNear(radiance("regular", number("wavelength_min", "400") + number("wavelength_max", "600") +
+                                     text("values", "1,2,3")),
+             list);
+  const Material m =
+      material("<bsdf type=\"diffuse\"><texture name=\"reflectance\" type=\"srgb\">" + color +
+               "</texture></bsdf>");
+  expectNear(vec3(m.baseColor), {0.2f, 0.4f, 0.6f});
+  const Scene s = read(
+      "<shape type=\"rectangle\"><emitter type=\"area\"><spectrum "
+      "name=\"radiance\" type=\"irregular\">" +
+      text("wavelengths", "400,500") + text("values", "1,2,3") + "</spectrum></emitter></shape>");
+  EXPECT_TRUE(says(s.replaced.texts, "as many wavelengths as values"));
+}
+
+/// Mitsuba's ball with a mirroring transform has a negative radius, and shines within.
+TEST_F(Mitsuba, BallsThatAreMirroredAreTurnedOver) {
+  const auto outside = [&](const char* scale) {
+    const Scene s =
+        read(std::string("<shape type=\"sphere\"><transform name=\"to_world\"><scale x=\"") +
+             scale + "\"/></transform></shape>");
+    const Mesh& mesh = s.meshes[0];
+    const glm::uvec3& t = mesh.triangles[0];
+    const vec3 face = glm::cross(mesh.positions[t.y] - mesh.positions[t.x],
+                                 mesh.positions[t.z] - mesh.positions[t.x]);
+    EXPECT_GT(glm::dot(face, mesh.normals[t.x]), 0.0f);
+    return glm::dot(face, mesh.positions[t.x]) > 0.0f;
+  };
+  EXPECT_TRUE(outside("1"));
+  EXPECT_FALSE(outside("-1"));
+}
+
+TEST_F(Mitsuba, HiddenEmittersAreSaid) {
+  const auto replaced = [&](const char* value) {
+    return read(std::string("<integrator type=\"path\"><boolean name=\"hide_emitters\" value=\"") +
+                value + "\"/></integrator>")
+        .replaced.texts;
+  };
+  EXPECT_TRUE(says(replaced("true"), "hide_emitters"));
+  EXPECT_FALSE(says(replaced("false"), "hide_emitters"));
+}
+
 TEST_F(Mitsuba, GlassHasItsIndex) {
   Material m = material("<bsdf type=\"dielectric\"/>");
   EXPECT_NEAR(m.ior, 1.5046f / 1.000277f, 1e-5f);
