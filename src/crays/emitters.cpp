@@ -84,10 +84,12 @@ struct Emitters::Measured {
 /// Triangles that shine evenly, by where they lie.
 class Emitters::Places {
  public:
-  explicit Places(const std::vector<Triangle>& triangles) : triangles_(triangles) {}
+  Places(const std::vector<Material>& materials, const std::vector<Triangle>& triangles)
+      : materials_(materials), triangles_(triangles) {}
 
   /// The number of the one that `t` lies on and shines like, else kNotFound: it will be `number`.
-  std::uint32_t findOrAdd(const Triangle& t, bool bothSides, std::uint32_t number) {
+  std::uint32_t findOrAdd(const Triangle& t, std::uint32_t number) {
+    const Material& m = materials_[t.material];
     const std::array<dvec3, 3> corners = cornersOf(t);
     std::uint64_t key = 0;
     for (const dvec3& p : corners) {
@@ -99,8 +101,10 @@ class Emitters::Places {
     const auto [first, last] = known_.equal_range(key);
     for (auto at = first; at != last; ++at) {
       const Triangle& other = triangles_[at->second];
-      if (other.material == t.material && cornersOf(other) == corners &&
-          (bothSides || glm::dot(other.normal, t.normal) > 0.0f)) {
+      const Material& o = materials_[other.material];
+      if (o.emission == m.emission && o.doubleSided == m.doubleSided &&
+          cornersOf(other) == corners &&
+          (m.doubleSided || glm::dot(other.normal, t.normal) > 0.0f)) {
         return at->second;
       }
     }
@@ -118,6 +122,7 @@ class Emitters::Places {
     return out;
   }
 
+  const std::vector<Material>& materials_;
   const std::vector<Triangle>& triangles_;
   std::unordered_multimap<std::uint64_t, std::uint32_t> known_;
 };
@@ -141,7 +146,7 @@ Emitters::Emitters(const Scene& scene, const RayScene& rays) : scene_(scene), ra
   std::vector<std::vector<Measured>> measured(all.size());
   tbb::parallel_for(std::size_t{0}, all.size(),
                     [&](std::size_t i) { measured[i] = measureRun(all[i], budget); });
-  Places places(triangles_);
+  Places places(scene.materials, triangles_);
   for (std::size_t i = 0; i < all.size(); ++i) {
     add(all[i], measured[i], places);
     std::vector<Measured>().swap(measured[i]);
@@ -361,7 +366,7 @@ void Emitters::add(const Run& run, std::vector<Measured>& measured, Places& plac
     Triangle& t = one.triangle;
     const auto number = static_cast<std::uint32_t>(triangles_.size());
     std::uint32_t& slot = slots_[base + t.triangle];
-    if (plain) slot = places.findOrAdd(t, m.doubleSided, number);
+    if (plain) slot = places.findOrAdd(t, number);
     if (slot != kNotFound) continue;
     slot = number;
     const auto lamp = lampOf_.try_emplace(pairOf(one.object, t.material),

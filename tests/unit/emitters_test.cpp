@@ -338,8 +338,9 @@ TEST(Emitters, LampsInOnePlaceShineOnce) {
     scene.materials[1].doubleSided = both;
     test::place(scene, test::panel(-0.5f, 0.5f, 2.0f, 1, false));
     if (both) test::place(scene, test::panel(-0.5f, 0.5f, 2.0f, 1, true));
-    // The same triangles again, from other corners on.
-    Mesh turned = test::panel(-0.5f, 0.5f, 2.0f, 1, false);
+    // The same triangles again, from other corners on, of a material that is alike.
+    scene.materials.push_back(scene.materials[1]);
+    Mesh turned = test::panel(-0.5f, 0.5f, 2.0f, 2, false);
     for (auto& t : turned.triangles) std::rotate(&t[0], &t[1], &t[0] + 3);
     test::place(scene, turned);
     const RayScene rays(scene);
