@@ -91,7 +91,7 @@ void checkArguments(const BakeArguments& a) {
 }
 
 std::uint64_t maxMemoryOf(const BakeArguments& a) {
-  return a.maxMemory.empty() ? 0 : parseBytes(a.maxMemory);
+  return a.maxMemory.empty() ? 0 : parseBytes("--max-memory", a.maxMemory);
 }
 
 /// What does not fit is put aside beside the bundle.
@@ -223,7 +223,7 @@ bool bakeInMemory(const BakeArguments& a) {
 
 std::uint64_t allowedMemory(const BakeArguments& a) {
   const std::uint64_t all = availableMemoryLimit();
-  return a.maxMemory.empty() ? all : std::min(all, parseBytes(a.maxMemory));
+  return a.maxMemory.empty() ? all : std::min(all, parseBytes("--max-memory", a.maxMemory));
 }
 
 /// Whether a model is baked as a stream: asked for, or its arrays and its build would not fit.

@@ -46,7 +46,10 @@ void readOptions(DiffArguments& a) {
   } else if (isDisplayed(a.b)) {
     a.options.exposure = 0.0;  // such a picture is as it is to be seen
   }
-  if (!a.output.empty()) checkWritable(a.output);
+  if (a.output.empty()) return;
+  checkWritable(a.output);
+  checkIsNotInput(a.output, a.a);
+  checkIsNotInput(a.output, a.b);
 }
 
 double metricOf(const std::string& name, const DiffFigures& f) {

@@ -40,9 +40,11 @@ void Progress::show(double share, const std::string& what) {
     return;
   }
   const int filled = static_cast<int>(share * 30.0);
-  fmt::print(stderr, "\r[{:<30}] {:3.0f} %  {}  {:.0f} s  {}  {} \033[K",
-             std::string(static_cast<std::size_t>(filled), '='), share * 100.0, what, elapsed, left,
-             memory);
+  // Not by fmt::print, which throws where the terminal has gone.
+  const std::string bar = fmt::format("\r[{:<30}] {:3.0f} %  {}  {:.0f} s  {}  {} \033[K",
+                                      std::string(static_cast<std::size_t>(filled), '='),
+                                      share * 100.0, what, elapsed, left, memory);
+  std::fputs(bar.c_str(), stderr);
   std::fflush(stderr);
   shown_ = true;
 }

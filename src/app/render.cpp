@@ -130,7 +130,10 @@ void addRenderCommand(CLI::App& app, int& exitCode) {
       ->check(CLI::IsMember({"refuse", "use"}))
       ->capture_default_str();
   c->add_flag("--json", a->json, "Print a JSON summary on stdout");
-  c->callback([a, &exitCode] { exitCode = render(*a); });
+  c->callback([a, &exitCode] {
+    if (a->output.empty()) fail(ExitCode::kUsage, "-o '': want the name of a picture");
+    exitCode = render(*a);
+  });
 }
 
 }  // namespace trex

@@ -70,7 +70,7 @@ std::uint64_t rayMemory(const Scene& scene, const RenderSettings& s, const std::
     const std::uint64_t all = memoryOfPaths(scene, std::uint64_t{s.width} * s.height * samples);
     return std::min({all, kMost, cache > 0 ? room : left / 4});
   }
-  const std::uint64_t bytes = parseBytes(asked);
+  const std::uint64_t bytes = parseBytes("--ray-memory", asked);
   if (bytes > room || (cache == 0 && bytes > left / 4 * 3)) {
     fail(ExitCode::kMemoryOrDevice,
          "--ray-memory {}: {} are left for pages and paths that wait for them; make it or --cache "
@@ -90,8 +90,9 @@ std::uint64_t cacheFor(RenderArguments& a, const Scene& scene, const PagedSizes&
   constexpr std::uint64_t kWorkBytes = 8u << 20;
   const std::uint64_t rest = fit.allowed - fit.needed;
   const std::uint64_t left = (rest > kWorkBytes ? rest - kWorkBytes : 0) / 8 * 7;
-  std::uint64_t cache = a.cache.empty() ? std::max<std::uint64_t>(left, 1)
-                                        : std::max<std::uint64_t>(parseBytes(a.cache), 1);
+  std::uint64_t cache = a.cache.empty()
+                            ? std::max<std::uint64_t>(left, 1)
+                            : std::max<std::uint64_t>(parseBytes("--cache", a.cache), 1);
   if (cache < paged.pages) {
     a.settings.rayMemory =
         rayMemory(scene, a.settings, a.rayMemory, a.cache.empty() ? 0 : cache, left);
@@ -112,7 +113,7 @@ fs::path folderFor(const RenderArguments& a, const RenderSource& source) {
 /// What --page-disk lets be taken in a folder.
 std::uint64_t diskAllowed(const RenderArguments& a, const fs::path& folder) {
   if (a.pageDisk == "off") return 0;
-  return a.pageDisk == "auto" ? spareDisk(folder) : parseBytes(a.pageDisk);
+  return a.pageDisk == "auto" ? spareDisk(folder) : parseBytes("--page-disk", a.pageDisk);
 }
 
 /// For pages that were unpacked.
@@ -147,6 +148,8 @@ OpenOptions optionsOf(const RenderArguments& a, const RenderSource& source) {
 
 void checkFiles(const RenderArguments& a) {
   checkWritable(a.output);
+  checkIsNotInput(a.output, a.input);
+  if (!a.environment.empty()) checkIsNotInput(a.output, environmentFile(a.environment));
   if (!a.trace.empty()) checkWritable(a.trace);
 }
 

@@ -45,9 +45,9 @@ void read(WorkerArguments& w) {
     fail(ExitCode::kUsage, "{}: other machines get bundles alone; bake it", w.model);
   }
   if (!w.device.empty()) w.deviceNumber = parseDevice(w.device);
-  if (!w.maxMemory.empty()) w.memoryBytes = parseBytes(w.maxMemory);
-  if (!w.maxGpuMemory.empty()) w.gpuMemoryBytes = parseBytes(w.maxGpuMemory);
-  if (!w.cache.empty()) w.cacheBytes = std::max<std::uint64_t>(parseBytes(w.cache), 1);
+  if (!w.maxMemory.empty()) w.memoryBytes = parseBytes("--max-memory", w.maxMemory);
+  if (!w.maxGpuMemory.empty()) w.gpuMemoryBytes = parseBytes("--max-gpu-memory", w.maxGpuMemory);
+  if (!w.cache.empty()) w.cacheBytes = std::max<std::uint64_t>(parseBytes("--cache", w.cache), 1);
 }
 
 /// The window's own command line, with what is this machine's.

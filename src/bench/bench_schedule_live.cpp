@@ -67,7 +67,7 @@ Rendered render(const LiveArguments& a, const Way& way) {
   settings.samples = way.all || way.waits ? a.samples : std::min(a.samples, a.demandSamples);
   settings.exact = a.exact;
   settings.device = RenderSettings::kNoDevice;
-  settings.rayMemory = way.waits ? parseBytes(a.rayMemory) : 0;
+  settings.rayMemory = way.waits ? parseBytes("--ray-memory", a.rayMemory) : 0;
   settings.loadOrder = way.predicts ? LoadOrder::kPlan : LoadOrder::kWaiting;
   settings.recordTraffic = way.predicts && !(a.picture.empty() && a.trace.empty());
   Session session(model, model->scene.cameras.front(), settings);
@@ -109,7 +109,7 @@ nlohmann::ordered_json benchLive(const LiveArguments& a) {
                    {"samples", a.samples},
                    {"exact", a.exact},
                    {"cache_share", a.cacheShare},
-                   {"ray_memory_bytes", parseBytes(a.rayMemory)},
+                   {"ray_memory_bytes", parseBytes("--ray-memory", a.rayMemory)},
                    {"cold", a.cold || a.diskRate > 0.0},
                    {"disk_bytes_a_second", 1e6 * a.diskRate},
                    {"rows", Json::array()}};

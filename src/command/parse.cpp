@@ -47,7 +47,7 @@ void parseSize(const std::string& text, std::uint32_t& width, std::uint32_t& hei
   }
 }
 
-std::uint64_t parseBytes(const std::string& text) {
+std::uint64_t parseBytes(const char* option, const std::string& text) {
   double value = 0.0;
   const auto [end, problem] = std::from_chars(text.data(), text.data() + text.size(), value);
   std::string unit(end, static_cast<const char*>(text.data() + text.size()));
@@ -60,7 +60,7 @@ std::uint64_t parseBytes(const std::string& text) {
   if (unit == "G" || unit == "g") factor = 0x1p30;
   if (unit == "T" || unit == "t") factor = 0x1p40;
   if (problem != std::errc() || factor == 0.0 || !(value > 0.0) || value * factor > 0x1p62) {
-    fail(ExitCode::kUsage, "{}: want a size such as 512M or 8G", text);
+    fail(ExitCode::kUsage, "{} {}: want a size such as 512M or 8G", option, text);
   }
   return static_cast<std::uint64_t>(value * factor);
 }

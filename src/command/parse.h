@@ -12,8 +12,8 @@ namespace trex {
 
 /// "WxH" with 1 <= W, H <= 65536; Error(kUsage) else.
 void parseSize(const std::string& text, std::uint32_t& width, std::uint32_t& height);
-/// "512M", "8G", "1.5G", or plain bytes; Error(kUsage) else.
-std::uint64_t parseBytes(const std::string& text);
+/// "512M", "8G", "1.5G", or plain bytes; Error(kUsage) else, which names `option`.
+std::uint64_t parseBytes(const char* option, const std::string& text);
 /// RenderSettings::device of a number, "auto" or "none"; Error(kUsage) else.
 int parseDevice(const std::string& text);
 /// Sets the share of exact samples to "auto" or 0 to 1; Error(kUsage) else.

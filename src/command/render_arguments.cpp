@@ -31,15 +31,16 @@ std::string numbered(const std::string& output, std::size_t number) {
 void readSettings(RenderArguments& a) {
   RenderSettings& s = a.settings;
   parseSize(a.size, s.width, s.height);
+  if (std::isnan(a.import.atSeconds)) fail(ExitCode::kUsage, "--at nan: want seconds");
   if (std::isnan(s.seconds)) fail(ExitCode::kUsage, "--time nan: want seconds");
   if (std::isnan(s.error)) fail(ExitCode::kUsage, "--error nan: want a relMSE above 0");
-  if (!a.maxMemory.empty()) s.maxMemory = parseBytes(a.maxMemory);
-  if (!a.maxGpuMemory.empty()) s.maxGpuMemory = parseBytes(a.maxGpuMemory);
-  if (!a.textureMemory.empty()) s.textureMemory = parseBytes(a.textureMemory);
+  if (!a.maxMemory.empty()) s.maxMemory = parseBytes("--max-memory", a.maxMemory);
+  if (!a.maxGpuMemory.empty()) s.maxGpuMemory = parseBytes("--max-gpu-memory", a.maxGpuMemory);
+  if (!a.textureMemory.empty()) s.textureMemory = parseBytes("--texture-memory", a.textureMemory);
   // Wrong whether or not the model has pages that ask for it.
-  if (!a.cache.empty()) parseBytes(a.cache);
-  if (a.rayMemory != "auto" && a.rayMemory != "off") parseBytes(a.rayMemory);
-  if (a.pageDisk != "auto" && a.pageDisk != "off") parseBytes(a.pageDisk);
+  if (!a.cache.empty()) parseBytes("--cache", a.cache);
+  if (a.rayMemory != "auto" && a.rayMemory != "off") parseBytes("--ray-memory", a.rayMemory);
+  if (a.pageDisk != "auto" && a.pageDisk != "off") parseBytes("--page-disk", a.pageDisk);
   if (s.samples == 0 && s.seconds == 0.0 && s.error == 0.0) s.samples = 64;
   if (a.pageOrder == "round-robin") s.loadOrder = LoadOrder::kInTurn;
   s.device = parseDevice(a.device);

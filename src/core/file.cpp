@@ -5,6 +5,7 @@
 #include <signal.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <cstdlib>
@@ -20,6 +21,15 @@ namespace {
 
 fs::path folderOf(const fs::path& target) {
   return target.has_parent_path() ? target.parent_path() : fs::path(".");
+}
+
+/// What the name of a temporary begins with: that of the target, as much of it as leaves room.
+std::string beginningOf(const fs::path& target) {
+  constexpr std::size_t kLongestName = 255, kOurs = 24;
+  const std::string stem = target.stem().string();
+  const std::size_t room =
+      kLongestName - kOurs - std::min<std::size_t>(target.extension().string().size(), 64);
+  return fmt::format(".{}.", stem.substr(0, room));
 }
 
 /// Flushes a file or folder; the reason on failure.
@@ -38,7 +48,7 @@ bool flush(const fs::path& path, int flags) {
 void writeAtomically(const fs::path& target, const std::function<void(const fs::path&)>& write) {
   const fs::path temporary =
       folderOf(target) /
-      fmt::format(".{}.{}.tmp{}", target.stem().string(), ::getpid(), target.extension().string());
+      fmt::format("{}{}.tmp{}", beginningOf(target), ::getpid(), target.extension().string());
   std::error_code ignored;
   try {
     write(temporary);
@@ -66,7 +76,7 @@ void writeTextAtomically(const fs::path& target, const std::string& text) {
 }
 
 std::vector<fs::path> removeDeadTemporaries(const fs::path& target) {
-  const std::string before = fmt::format(".{}.", target.stem().string());
+  const std::string before = beginningOf(target);
   const std::string after = fmt::format(".tmp{}", target.extension().string());
   std::vector<fs::path> removed;
   std::error_code ignored;
@@ -104,8 +114,18 @@ void checkWritable(const fs::path& target) {
     fail(ExitCode::kOutput, "{}: is a folder; name a file", target.string());
   }
   const fs::path& asked = fs::exists(target, ec) ? target : folder;
+  if (ec) {  // a name that is too long, links in a circle
+    fail(ExitCode::kOutput, "{}: can't be written: {}", target.string(), ec.message());
+  }
   if (::access(asked.c_str(), W_OK) != 0 || ::access(folder.c_str(), W_OK) != 0) {
     fail(ExitCode::kOutput, "{}: can't be written: {}", target.string(), std::strerror(errno));
+  }
+}
+
+void checkIsNotInput(const std::filesystem::path& target, const std::filesystem::path& input) {
+  std::error_code ignored;
+  if (std::filesystem::equivalent(target, input, ignored)) {
+    fail(ExitCode::kUsage, "-o {}: is what is read; name another file", target.string());
   }
 }
 

@@ -28,4 +28,7 @@ std::filesystem::path stateFolder();
 /// permission.
 void checkWritable(const std::filesystem::path& target);
 
+/// Throws Error(kUsage) if both are one file, which -o `target` would replace while it is read.
+void checkIsNotInput(const std::filesystem::path& target, const std::filesystem::path& input);
+
 }  // namespace trex

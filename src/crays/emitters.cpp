@@ -3,8 +3,12 @@
 #include <tbb/parallel_for.h>
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
+#include <tuple>
 
+#include "src/crays/emitter_texels.h"
 #include "src/crays/reading_pages.h"
 #include "src/scene/emission.h"
 #include "src/scene/texture.h"
@@ -13,9 +17,11 @@ namespace trex {
 namespace {
 
 constexpr std::uint64_t kMostSamples = 1u << 23;  // of textures, all triangles together
+constexpr std::uint64_t kMostTexels = 1u << 25;   // that are looked at one by one, likewise
 constexpr std::uint64_t kMostCells = 1u << 22;    // 16 MiB
 constexpr std::uint32_t kMostEdgeCells = 256, kMostEdgeSamples = 1024, kLeastEdgeSamples = 4;
-/// What a triangle counts with that had no light at any sample but has texels between them.
+/// What a triangle counts with, at most, that had no light at any sample but has texels between
+/// them: otherwise as much as if one sample had been lit.
 constexpr float kUnseenShare = 1e-3f;
 /// Shares of a cell's weight that do not follow its mean: its brightest sample, so that a spark has
 /// a chance that suits it; and the triangle's mean, for what samples have missed.
@@ -32,16 +38,6 @@ bool isPlain(const Material& m) {
 
 vec3 sentOut(const Scene& scene, const Material& m, const TexCoords& uv, float alpha) {
   return emissionAt(m, scene.images, uv) * coverageAt(m, scene.images, uv, alpha);
-}
-
-/// The longest edge of a triangle in texels of a texture.
-float texelsAlong(const Scene& scene, const Texture& texture, const Surface (&corner)[3]) {
-  if (!texture.present()) return 0.0f;
-  const Image& image = scene.images[static_cast<std::size_t>(texture.image)];
-  const vec2 size(static_cast<float>(image.width), static_cast<float>(image.height));
-  vec2 p[3];
-  for (int i = 0; i < 3; ++i) p[i] = transformUv(texture, corner[i].texCoords[texture.set]) * size;
-  return std::max({glm::length(p[1] - p[0]), glm::length(p[2] - p[1]), glm::length(p[0] - p[2])});
 }
 
 /// The number of the cell at these weights, of `edge` along an edge: row by row of the second
@@ -72,9 +68,10 @@ struct Emitters::Run {
   std::vector<std::uint32_t> triangles;
 };
 
-/// Samples and cells that a triangle may have along an edge.
+/// Samples and cells that a triangle may have along an edge, and texels to look at in all.
 struct Emitters::Budget {
   std::uint32_t edgeSamples, edgeCells;
+  std::uint64_t texels;
 };
 
 struct Emitters::Measured {
@@ -82,6 +79,52 @@ struct Emitters::Measured {
   std::uint32_t object;
   std::vector<float> cells;
   float ratio = 1.0f;
+};
+
+/// Triangles that shine evenly, by where they lie.
+class Emitters::Places {
+ public:
+  Places(const std::vector<Material>& materials, const std::vector<Triangle>& triangles)
+      : materials_(materials), triangles_(triangles) {}
+
+  /// The number of the one that `t` lies on and shines like, else kNotFound: it will be `number`.
+  std::uint32_t findOrAdd(const Triangle& t, std::uint32_t number) {
+    const Material& m = materials_[t.material];
+    const std::array<dvec3, 3> corners = cornersOf(t);
+    std::uint64_t key = 0;
+    for (const dvec3& p : corners) {
+      for (int axis = 0; axis < 3; ++axis) {
+        key = (key ^ std::bit_cast<std::uint64_t>(p[axis] + 0.0)) * 0x9e3779b97f4a7c15u;
+        key ^= key >> 29;
+      }
+    }
+    const auto [first, last] = known_.equal_range(key);
+    for (auto at = first; at != last; ++at) {
+      const Triangle& other = triangles_[at->second];
+      const Material& o = materials_[other.material];
+      if (o.emission == m.emission && o.doubleSided == m.doubleSided &&
+          cornersOf(other) == corners &&
+          (m.doubleSided || glm::dot(other.normal, t.normal) > 0.0f)) {
+        return at->second;
+      }
+    }
+    known_.emplace(key, number);
+    return kNotFound;
+  }
+
+ private:
+  /// In an order that does not depend on the triangle's.
+  static std::array<dvec3, 3> cornersOf(const Triangle& t) {
+    std::array<dvec3, 3> out{t.corner, t.corner + dvec3(t.edge1), t.corner + dvec3(t.edge2)};
+    std::sort(out.begin(), out.end(), [](const dvec3& a, const dvec3& b) {
+      return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z);
+    });
+    return out;
+  }
+
+  const std::vector<Material>& materials_;
+  const std::vector<Triangle>& triangles_;
+  std::unordered_multimap<std::uint64_t, std::uint32_t> known_;
 };
 
 Emitters::Emitters(const Scene& scene, const RayScene& rays) : scene_(scene), rays_(rays) {
@@ -97,13 +140,15 @@ Emitters::Emitters(const Scene& scene, const RayScene& rays) : scene_(scene), ra
   const auto edge = [&](std::uint64_t most) {
     return static_cast<std::uint32_t>(std::sqrt(static_cast<double>(most / pictures)));
   };
-  Budget budget{std::clamp(edge(kMostSamples), kLeastEdgeSamples, kMostEdgeSamples), 1};
+  Budget budget{std::clamp(edge(kMostSamples), kLeastEdgeSamples, kMostEdgeSamples), 1,
+                kMostTexels / pictures};
   while (2 * budget.edgeCells <= std::min(edge(kMostCells), kMostEdgeCells)) budget.edgeCells *= 2;
   std::vector<std::vector<Measured>> measured(all.size());
   tbb::parallel_for(std::size_t{0}, all.size(),
                     [&](std::size_t i) { measured[i] = measureRun(all[i], budget); });
+  Places places(scene.materials, triangles_);
   for (std::size_t i = 0; i < all.size(); ++i) {
-    add(all[i], measured[i]);
+    add(all[i], measured[i], places);
     std::vector<Measured>().swap(measured[i]);
   }
 }
@@ -211,46 +256,83 @@ bool Emitters::measure(const RayHit& corner, const Budget& budget, Measured& out
   return t.radiance > 0.0f;
 }
 
-/// Samples what is sent out at the centres of small congruent triangles, as many in each cell.
+/// Samples what is sent out at the centres of small congruent triangles, as many in each cell; or,
+/// where there are too few of these to see every texel, at the centres of texels.
 void Emitters::measurePicture(const Surface (&corner)[3], const Budget& budget,
                               Measured& out) const {
   const Material& m = scene_.materials[corner[0].material];
-  float texels = texelsAlong(scene_, m.emissiveTexture, corner);
+  Footprint finest = footprintOf(scene_, m.emissiveTexture, corner);
   if (m.alphaMode != AlphaMode::kOpaque) {
-    texels = std::max(texels, texelsAlong(scene_, m.baseColorTexture, corner));
+    const Footprint other = footprintOf(scene_, m.baseColorTexture, corner);
+    if (other.along > finest.along) finest = other;
   }
-  const std::uint32_t wanted =
-      std::max(static_cast<std::uint32_t>(std::min(2.0f * texels, 1e6f)) + 1, kLeastEdgeSamples);
+  const std::uint32_t wanted = std::max(
+      static_cast<std::uint32_t>(std::min(2.0f * finest.along, 1e6f)) + 1, kLeastEdgeSamples);
   const std::uint32_t samples = std::min(wanted, budget.edgeSamples);
   std::uint32_t edge = 1;
   while (2 * edge <= std::min(samples, budget.edgeCells)) edge *= 2;
   const std::uint32_t inner = (samples + edge - 1) / edge;
   const std::uint32_t count = edge * edge;
-  std::vector<float> weights(count), largest(count);
+  std::vector<float> weights(count), largest(count), peaks(count);
+  std::vector<std::uint32_t> taken(count);
+  const auto sentAt = [&](const glm::dvec2& at) {
+    const auto u = static_cast<float>(at.x), v = static_cast<float>(at.y), w = 1.0f - u - v;
+    TexCoords uv;
+    for (std::size_t set = 0; set < uv.size(); ++set) {
+      uv[set] = w * corner[0].texCoords[set] + u * corner[1].texCoords[set] +
+                v * corner[2].texCoords[set];
+    }
+    return sentOut(scene_, m, uv,
+                   w * corner[0].color.w + u * corner[1].color.w + v * corner[2].color.w);
+  };
+  const auto add = [&](std::uint32_t cell, const vec3& sent, float share, float most) {
+    weights[cell] += share * luminance(sent);
+    peaks[cell] = std::max(peaks[cell], most * luminance(sent));
+    largest[cell] = std::max(largest[cell], most * maxComponent(sent));
+  };
+  const bool byTexels =
+      samples < wanted && texelArea(finest) > 2.0 * count && hasFewTexels(finest, budget.texels);
+  if (byTexels) {
+    const TexelSteps step(finest);
+    forTexels(finest, [&](const glm::dvec2& at) {
+      const auto cellOf = [&](const glm::dvec2& place) {
+        return cellAt(edge, static_cast<float>(place.x), static_cast<float>(place.y));
+      };
+      const vec3 sent = sentAt(at);
+      ++taken[cellOf(at)];
+      if (sent == vec3(0.0f)) return;
+      // Look-ups mix it into the texels around it, which may lie in other cells.
+      for (int y = -1; y <= 1; ++y) {
+        for (int x = -1; x <= 1; ++x) {
+          const float share = (x == 0 ? 0.75f : 0.125f) * (y == 0 ? 0.75f : 0.125f);
+          const float most = (x == 0 ? 1.0f : 0.5f) * (y == 0 ? 1.0f : 0.5f);
+          add(cellOf(at + 0.75 * (static_cast<double>(x) * step.column +
+                                  static_cast<double>(y) * step.row)),
+              sent, share, most);
+        }
+      }
+    });
+  } else {
+    for (std::uint32_t cell = 0; cell < count; ++cell) {
+      for (std::uint32_t k = 0; k < inner * inner; ++k) {
+        add(cell, sentAt(inCell(edge, cell, inCell(inner, k, glm::dvec2(1.0 / 3.0)))), 1.0f, 1.0f);
+        ++taken[cell];
+      }
+    }
+  }
   double sum = 0.0;
   for (std::uint32_t cell = 0; cell < count; ++cell) {
-    float total = 0.0f, peak = 0.0f;
-    for (std::uint32_t k = 0; k < inner * inner; ++k) {
-      const glm::dvec2 at = inCell(edge, cell, inCell(inner, k, glm::dvec2(1.0 / 3.0)));
-      const auto u = static_cast<float>(at.x), v = static_cast<float>(at.y), w = 1.0f - u - v;
-      TexCoords uv;
-      for (std::size_t set = 0; set < uv.size(); ++set) {
-        uv[set] = w * corner[0].texCoords[set] + u * corner[1].texCoords[set] +
-                  v * corner[2].texCoords[set];
-      }
-      const vec3 sent = sentOut(
-          scene_, m, uv, w * corner[0].color.w + u * corner[1].color.w + v * corner[2].color.w);
-      total += luminance(sent);
-      peak = std::max(peak, luminance(sent));
-      largest[cell] = std::max(largest[cell], maxComponent(sent));
-    }
-    weights[cell] = glm::mix(total / static_cast<float>(inner * inner), peak, kPeakShare);
+    const auto all = static_cast<float>(std::max(taken[cell], 1u));
+    weights[cell] = glm::mix(weights[cell] / all, peaks[cell], kPeakShare);
     sum += static_cast<double>(weights[cell]);
   }
   const auto mean = static_cast<float>(sum / count);
   out.triangle.radiance = mean;
   if (!(mean > 0.0f)) {
-    if (samples < wanted) out.triangle.radiance = kUnseenShare * luminance(m.emission);
+    if (samples < wanted) {
+      const float unseen = byTexels ? 0.0f : 1.0f / static_cast<float>(samples * samples);
+      out.triangle.radiance = std::min(kUnseenShare, unseen) * luminance(m.emission);
+    }
     return;
   }
   const auto [least, most] = std::minmax_element(weights.begin(), weights.end());
@@ -272,18 +354,25 @@ void Emitters::measurePicture(const Surface (&corner)[3], const Budget& budget,
 }
 
 /// Takes the triangles of a cluster, in their order.
-void Emitters::add(const Run& run, std::vector<Measured>& measured) {
+void Emitters::add(const Run& run, std::vector<Measured>& measured, Places& places) {
   if (measured.empty()) return;
   const std::size_t base = slots_.size();
-  clusters_[pairOf(run.instance, run.cluster)] = static_cast<std::uint32_t>(base);
-  slots_.resize(base + measured.back().triangle.triangle + 1, kNotFound);
+  const std::uint32_t count = measured.back().triangle.triangle + 1;
+  clusters_[pairOf(run.instance, run.cluster)] = {base, count};
+  slots_.resize(base + count, kNotFound);
+  const Material& m = scene_.materials[run.material];
+  const bool plain = isPlain(m);
   for (Measured& one : measured) {
     Triangle& t = one.triangle;
+    const auto number = static_cast<std::uint32_t>(triangles_.size());
+    std::uint32_t& slot = slots_[base + t.triangle];
+    if (plain) slot = places.findOrAdd(t, number);
+    if (slot != kNotFound) continue;
+    slot = number;
     const auto lamp = lampOf_.try_emplace(pairOf(one.object, t.material),
                                           static_cast<std::uint32_t>(lamps_.size()));
     if (lamp.second) {
-      const Material& m = scene_.materials[t.material];
-      lamps_.push_back({.emission = m.emission, .plain = isPlain(m), .shinesBack = m.doubleSided});
+      lamps_.push_back({.emission = m.emission, .plain = plain, .shinesBack = m.doubleSided});
     }
     t.lamp = lamp.first->second;
     lamps_[t.lamp].area += t.area;
@@ -292,21 +381,15 @@ void Emitters::add(const Run& run, std::vector<Measured>& measured) {
       cells_.insert(cells_.end(), one.cells.begin(), one.cells.end());
     }
     largestRatio_ = std::max(largestRatio_, one.ratio);
-    slots_[base + t.triangle] = static_cast<std::uint32_t>(triangles_.size());
     triangles_.push_back(t);
   }
 }
 
 std::uint32_t Emitters::find(const RayHit& hit) const {
   const auto found = clusters_.find(pairOf(hit.instance, hit.cluster));
-  if (found == clusters_.end()) return kNotFound;
-  const std::size_t slot = std::size_t{found->second} + hit.triangle;
-  // Of triangles behind the cluster's last that shines there is no slot: it may be another's.
-  if (slot >= slots_.size() || slots_[slot] == kNotFound) return kNotFound;
-  const Triangle& t = triangles_[slots_[slot]];
-  const bool same =
-      t.instance == hit.instance && t.cluster == hit.cluster && t.triangle == hit.triangle;
-  return same ? slots_[slot] : kNotFound;
+  // Of triangles behind the cluster's last that shines there is no slot.
+  if (found == clusters_.end() || hit.triangle >= found->second.count) return kNotFound;
+  return slots_[found->second.first + hit.triangle];
 }
 
 Emitters::Place Emitters::sample(const Triangle& t, double u, float v) const {

@@ -5,6 +5,8 @@
 // texels of its footprint where there are not too many. A triangle that holds a picture is divided
 // into up to 4^8 congruent ones that are chosen by what they send out. A triangle that sends out
 // nothing at any sample is left out: rays that find light there by chance have it for themselves.
+// Of triangles that lie in one place, as exporters double them, and send out the same, one shines:
+// rays see no more of them.
 #pragma once
 
 #include <cstdint>
@@ -68,6 +70,7 @@ class Emitters {
   struct Run;
   struct Budget;
   struct Measured;
+  class Places;
 
   bool shines(std::uint32_t material) const;
   std::vector<Run> runs() const;
@@ -75,16 +78,20 @@ class Emitters {
   std::vector<Measured> measureRun(const Run& run, const Budget& budget) const;
   bool measure(const RayHit& corner, const Budget& budget, Measured& out) const;
   void measurePicture(const Surface (&corner)[3], const Budget& budget, Measured& out) const;
-  void add(const Run& run, std::vector<Measured>& measured);
+  void add(const Run& run, std::vector<Measured>& measured, Places& places);
 
   const Scene& scene_;
   const RayScene& rays_;
   std::vector<Triangle> triangles_;
   std::vector<float> cells_;  ///< cumulative shares, cell by cell, of each picture
   std::vector<Lamp> lamps_;
-  std::unordered_map<std::uint64_t, std::uint32_t> lampOf_;    ///< object and material to lamps_
-  std::unordered_map<std::uint64_t, std::uint32_t> clusters_;  ///< instance and cluster to slots_
-  std::vector<std::uint32_t> slots_;                           ///< by triangle of a cluster
+  std::unordered_map<std::uint64_t, std::uint32_t> lampOf_;  ///< object and material to lamps_
+  struct Slots {
+    std::size_t first;  ///< in slots_
+    std::uint32_t count;
+  };
+  std::unordered_map<std::uint64_t, Slots> clusters_;  ///< by instance and cluster
+  std::vector<std::uint32_t> slots_;                   ///< by triangle of a cluster
   float largestRatio_ = 1.0f;
 };
 

@@ -75,7 +75,7 @@ void LightSet::addPunctual(const Scene& scene, const dvec3& renderOrigin) {
     if (!(intensity > 0.0)) continue;
     double power = 4.0 * std::numbers::pi * intensity;
     if (light.type == Light::Type::kSpot) {
-      power = 2.0 * std::numbers::pi * (1.0 - std::cos(light.outerConeAngle)) * intensity;
+      power = 2.0 * std::numbers::pi * static_cast<double>(coneVersine(light)) * intensity;
     } else if (light.type == Light::Type::kDirectional) {
       power = std::numbers::pi * radius_ * radius_ * intensity;
     }
@@ -275,7 +275,7 @@ bool LightSet::samplePunctual(const Punctual& punctual, const LightPoint& at, ve
   if (!(distance2 > 0.0f)) return false;
   out.distance = std::sqrt(distance2);
   out.direction = towards / out.distance;
-  out.radiance = light.intensity * (spotFactor(light, -glm::dot(out.direction, light.direction)) *
+  out.radiance = light.intensity * (spotFactor(light, -out.direction) *
                                     rangeFactor(light.range, out.distance) / distance2);
   return true;
 }

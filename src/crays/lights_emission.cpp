@@ -162,12 +162,10 @@ void LightSet::emitPunctual(const Punctual& punctual, Sampler& sampler, EmittedP
     out.start.position += dvec3(light.radius * uniformSphere(sampler.next2D()));
   }
   if (light.type == Light::Type::kSpot) {
-    const float cosine = 1.0f - u.x * (1.0f - std::cos(light.outerConeAngle));
-    const float sine = std::sqrt(std::max(0.0f, 1.0f - cosine * cosine)), phi = 2.0f * kPi * u.y;
-    out.direction =
-        Basis(light.direction).toWorld(vec3(sine * std::cos(phi), sine * std::sin(phi), cosine));
-    out.power = light.intensity *
-                (2.0f * kPi * (1.0f - std::cos(light.outerConeAngle)) * spotFactor(light, cosine));
+    const vec3 local = coneDirection(light, u);
+    out.direction = Basis(light.direction).toWorld(local);
+    out.power = light.intensity * (2.0f * kPi * coneVersine(light) *
+                                   spotFactor(light, local.z, u.x * coneVersine(light)));
     return;
   }
   out.direction = uniformSphere(u);

@@ -10,8 +10,8 @@
 namespace trex {
 namespace {
 
-/// Texel weight of a latitude-longitude map: mean luminance of what bilinear look-ups can return
-/// near it times the sine, never 0 so that every direction can be sampled.
+/// Texel weight of a latitude-longitude map: mean luminance of what bilinear look-ups return within
+/// it, those that its corners mix in too, times the sine.
 double texelWeight(const Image& map, int x, int y) {
   const auto at = [&](int px, int py) {
     px = (px + map.width) % map.width;
@@ -22,8 +22,11 @@ double texelWeight(const Image& map, int x, int y) {
                     3u];
     return static_cast<double>(luminance(vec3(v[0], v[1], v[2])));
   };
-  const double value =
-      0.5 * at(x, y) + 0.125 * (at(x - 1, y) + at(x + 1, y) + at(x, y - 1) + at(x, y + 1));
+  // Along an axis the texel itself counts 3/4 in the mean, either neighbour 1/8.
+  const auto row = [&](int py) {
+    return 0.75 * at(x, py) + 0.125 * (at(x - 1, py) + at(x + 1, py));
+  };
+  const double value = 0.75 * row(y) + 0.125 * (row(y - 1) + row(y + 1));
   const double sine = std::sin(std::numbers::pi * (y + 0.5) / map.height);
   return value * sine;
 }

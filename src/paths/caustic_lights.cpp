@@ -19,10 +19,6 @@ constexpr std::size_t kAllHints = 1u << 20;  // of all lights together
 constexpr std::uint32_t kBendsOfCluster = 256;
 constexpr double kUnknownShare = 0.1;  // of photons, for lights that seem to bend nothing
 
-float outerCosine(const Light& light) {
-  return light.type == Light::Type::kSpot ? std::cos(light.outerConeAngle) : -1.0f;
-}
-
 /// A place on a mirror or glass, for `area` of it.
 struct Bend {
   vec3 position, normal;
@@ -130,9 +126,7 @@ CausticLights::CausticLights(const Scene& scene, const WalkTracer& walks, std::u
 
 /// Of a point or spot light: about its axis, areas kept.
 vec3 CausticLights::direction(const Source& source, vec2 u) const {
-  const float z = 1.0f - u.x * (1.0f - outerCosine(source.light));
-  const float r = std::sqrt(std::max(0.0f, 1.0f - z * z)), phi = 2.0f * kPi * u.y;
-  return Basis(source.light.direction).toWorld(vec3(r * std::cos(phi), r * std::sin(phi), z));
+  return Basis(source.light.direction).toWorld(coneDirection(source.light, u));
 }
 
 /// Where in the light's primary space a photon to `point` starts; outside of [0, 1)^2 if nowhere.
@@ -144,7 +138,7 @@ vec2 CausticLights::place(const Source& source, const vec3& point) const {
   }
   const vec3 d = basis.toLocal(glm::normalize(point - vec3(source.position)));
   const float phi = std::atan2(d.y, d.x) * (0.5f * kInvPi);
-  return vec2((1.0f - d.z) / (1.0f - outerCosine(source.light)), phi < 0.0f ? phi + 1.0f : phi);
+  return vec2(coneShare(source.light, d), phi < 0.0f ? phi + 1.0f : phi);
 }
 
 /// A place that bends light, by what it takes of the light's primary space.
@@ -184,8 +178,8 @@ CausticLights::Start CausticLights::emit(const Source& source, Sampler& sampler)
   if (light.radius > 0.0f) {
     start.origin += dvec3(light.radius * uniformSphere(sampler.next2D()));
   }
-  const float solidAngle = 2.0f * kPi * (1.0f - outerCosine(light));
-  const float falloff = spotFactor(light, glm::dot(start.direction, light.direction));
+  const float solidAngle = 2.0f * kPi * coneVersine(light);
+  const float falloff = spotFactor(light, start.direction);
   start.power = light.intensity * (falloff * solidAngle / start.density);
   return start;
 }

@@ -298,6 +298,62 @@ TEST(Emitters, APicturesSparksAreFound) {
   }
 }
 
+/// One texel of four millions, which samples of its triangle would step over; the other triangle of
+/// the square, all black, is not asked in its place.
+TEST(Emitters, ASparkOfALargePictureIsFound) {
+  constexpr int kEdge = 2048;
+  for (const auto& [column, row] : {std::pair(600, 1400), {1400, 600}, {1023, 1024}, {0, 0}}) {
+    Scene scene = room(0.5f);
+    texture(scene, scene.materials[1].emissiveTexture,
+            picture(kEdge, kEdge, 1, [c = column, r = row](int x, int y, int) {
+              return x == c && y == r ? 255 : 0;
+            }));
+    const RayScene rays(scene);
+    const Emitters emitters(scene, rays);
+    double power = 0.0;
+    for (const Emitters::Triangle& t : emitters.triangles()) {
+      constexpr std::uint32_t kCount = 20000;
+      double sum = 0.0;
+      for (std::uint32_t i = 0; i < kCount; ++i) {
+        Sampler sampler(i, 0, 1);
+        const vec2 u = sampler.next2D();
+        const Emitters::Place place = emitters.sample(t, u.x, u.y);
+        sum += static_cast<double>(place.radiance.x / place.density) / kCount;
+      }
+      power += sum;
+      if (sum > 0.0) {
+        EXPECT_GT(static_cast<double>(t.radiance * t.area), 0.2 * sum);
+      }
+    }
+    const double texel = 1.0 / (static_cast<double>(kEdge) * kEdge);
+    EXPECT_NEAR(power / texel, 1.0, 0.15) << column << ' ' << row;
+  }
+}
+
+/// A lamp that an exporter wrote three times over, once with its triangles the other way round:
+/// rays see one of them, and so does light sampling.
+TEST(Emitters, LampsInOnePlaceShineOnce) {
+  for (const bool both : {false, true}) {
+    Scene scene = room(0.5f);
+    scene.materials[1].doubleSided = both;
+    test::place(scene, test::panel(-0.5f, 0.5f, 2.0f, 1, false));
+    if (both) test::place(scene, test::panel(-0.5f, 0.5f, 2.0f, 1, true));
+    // The same triangles again, from other corners on, of a material that is alike.
+    scene.materials.push_back(scene.materials[1]);
+    Mesh turned = test::panel(-0.5f, 0.5f, 2.0f, 2, false);
+    for (auto& t : turned.triangles) std::rotate(&t[0], &t[1], &t[0] + 3);
+    test::place(scene, turned);
+    const RayScene rays(scene);
+    EXPECT_EQ(Emitters(scene, rays).triangles().size(), 2u);
+    expectFloor(scene, 0.0, 0.5, [](double, double) { return 1.0; });
+  }
+  Scene twoFaces = room(0.5f);  // each of two faces of a sheet shines for itself
+  test::place(twoFaces, test::panel(-0.5f, 0.5f, 2.0f, 1, true));
+  const RayScene rays(twoFaces);
+  EXPECT_EQ(Emitters(twoFaces, rays).triangles().size(), 4u);
+  expectFloor(twoFaces, 0.0, 0.5, [](double, double) { return 1.0; });
+}
+
 TEST(Emitters, PhotonsLeaveFromWhatShines) {
   Scene scene = room(1.0f);
   texture(scene, scene.materials[1].emissiveTexture,

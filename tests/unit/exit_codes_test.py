@@ -60,8 +60,17 @@ ROWS = """
 2 | camera                | render {cornell} -o {png} --camera 1,2/3
 2 | nobody                | render {cornell} -o {png} --camera nobody
 2 | 0,0,0/0,0,1/0,1,0/180 | render {cornell} -o {png} --camera 0,0,0/0,0,1/0,1,0/180
-2 | much                  | render {cornell} -o {png} --max-memory much
-2 | much                  | render {cornell} -o {png} --texture-memory much
+2 | --max-memory much     | render {cornell} -o {png} --max-memory much
+2 | --texture-memory much | render {cornell} -o {png} --texture-memory much
+2 | --cache much          | render {cornell} -o {png} --cache much
+2 | --ray-memory much     | render {cornell} -o {png} --ray-memory much
+2 | --page-disk much      | render {cornell} -o {png} --page-disk much
+2 | --max-gpu-memory much | render {cornell} -o {png} --max-gpu-memory much
+2 | --max-memory much     | bake {cornell} -o {dir}/a.trex --max-memory much
+2 | -o ''                 | render {cornell} -o ''
+2 | --at nan              | render {cornell} -o {png} --at nan
+2 | is what is read       | diff {one.exr} {one.exr} -o {one.exr}
+2 | is what is read       | render {cornell} -o {one.exr} --env {one.exr}?rotate=1
 2 | -5G                   | render {cornell} -o {png} --max-memory=-5G
 2 | env                   | render {cornell} -o {png} --env 1,2
 2 | -1,0,0                | render {cornell} -o {png} --env=-1,0,0
@@ -224,6 +233,31 @@ class ExitCodes(unittest.TestCase):
             self.assertEqual(run(["diff", auto, none], self.files).returncode, 0)
         result = run([*job, "-o", "a.png", "--device", "0"], self.folder, **nowhere)
         self.assertEqual(result.returncode, 4, result.stderr)
+
+    def test_streams(self):
+        """Results that a full disk does not take are an error; a reader that has gone, or a closed stream, is none."""
+        picture = os.path.join(self.files, "streams.exr")
+        render = ["render", self.cornell, "-o", picture, "--size", "8x8", "--spp", "1", "--device", "none"]
+
+        def ends(words, stdout):
+            with subprocess.Popen([program.TREX, *words], stdout=stdout, stderr=subprocess.PIPE, text=True) as p:
+                said = p.stderr.read()
+            return p.returncode, said
+        for words in (["info", self.cornell], ["info", self.cornell, "--json"], ["diff", "one.exr", "one.exr"], render):
+            words = [os.path.join(self.files, word) if word == "one.exr" else word for word in words]
+            with self.subTest(words=words), open("/dev/full", "w") as full:
+                code, said = ends(words, full)
+                self.assertEqual(code, 5, said)
+                self.assertIn("stdout: can't be written", said)
+                reader, writer = os.pipe()
+                os.close(reader)
+                self.assertEqual(ends(words, writer)[0], 0)
+                os.close(writer)
+                closed = subprocess.run(["sh", "-c", '"$0" "$@" <&- >&- 2>&-', program.TREX, *words])
+                self.assertEqual(closed.returncode, 0)
+        # Nothing that was said without streams went into the picture.
+        self.assertEqual(run(["diff", picture, picture], self.files).returncode, 0)
+        os.remove(picture)
 
     def test_difference_is_six(self):
         white = os.path.join(self.files, "white.exr")

@@ -67,6 +67,29 @@ TEST_F(FileTest, CheckWritableNamesTheFolder) {
   EXPECT_THROW(checkWritable(folder_ / "none" / "a.png"), Error);
   EXPECT_THROW(checkWritable(folder_), Error);
   checkWritable(folder_ / "a.png");
+  EXPECT_THROW(checkWritable(folder_ / std::string(300, 'a')), Error);
+  fs::create_symlink("b", folder_ / "c");
+  fs::create_symlink("c", folder_ / "b");
+  EXPECT_THROW(checkWritable(folder_ / "b"), Error);
+}
+
+/// The temporary's name is longer than the target's, which may be as long as names get.
+TEST_F(FileTest, NamesAsLongAsTheyGet) {
+  const fs::path target = folder_ / (std::string(251, 'a') + ".exr");
+  checkWritable(target);
+  writeTextAtomically(target, "all");
+  EXPECT_EQ(read(target), "all");
+  std::ofstream(folder_ / ("." + std::string(227, 'a') + ".999999999.tmp.exr")) << "left";
+  EXPECT_EQ(removeDeadTemporaries(target).size(), 1u);
+  EXPECT_EQ(filesLeft(), 1u);
+}
+
+TEST_F(FileTest, OutputsAreNoInputs) {
+  std::ofstream(folder_ / "a.exr") << "picture";
+  fs::create_symlink("a.exr", folder_ / "same.exr");
+  EXPECT_THROW(checkIsNotInput(folder_ / "a.exr", folder_ / "a.exr"), Error);
+  EXPECT_THROW(checkIsNotInput(folder_ / "same.exr", folder_ / "a.exr"), Error);
+  checkIsNotInput(folder_ / "b.exr", folder_ / "a.exr");
 }
 
 TEST(Memory, FormatsForPeople) {

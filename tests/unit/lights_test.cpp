@@ -107,6 +107,48 @@ TEST(Lights, PointLightFallsWithTheSquare) {
   EXPECT_NEAR(s.distance, 2.0f, 1e-6f);
 }
 
+/// Beams so narrow that cosines of floats and the least gap of KHR_lights_punctual's formula would
+/// take their light: whole within the inner cone, none outside of the outer one, and photons carry
+/// the integral between both.
+TEST(Lights, NarrowSpotsAreAsBrightAsWideOnes) {
+  for (const double outer : {1e-4, 1e-3, 1e-2, 0.04, 0.5}) {
+    for (const double share : {0.5, 0.97}) {
+      const double inner = outer * share;
+      Scene scene = floorAlone();
+      Light light = pointLight(dvec3(0, 100, 0), 8.0f);
+      light.type = Light::Type::kSpot;
+      light.direction = vec3(0.0f, -1.0f, 0.0f);
+      light.outerConeAngle = static_cast<float>(outer);
+      light.innerConeAngle = static_cast<float>(inner);
+      scene.lights = {light};
+      const Lit lit(scene);
+      for (const double at : {0.0, 0.98 * inner, 1.02 * outer}) {
+        const LightPoint place(lit.at(dvec3(100.0 * std::tan(at), 0, 0)), vec3(0, 1, 0));
+        Sampler sampler(0, 0, 0);
+        LightSample s;
+        const bool found = lit.lights.sample(place, sampler, s);
+        const double expected = at < inner ? 8e-4 * std::pow(std::cos(at), 2) : 0.0;
+        const double got = found ? static_cast<double>(s.radiance.x / s.pdf) : 0.0;
+        EXPECT_NEAR(got, expected, 1e-5 * expected) << outer << ' ' << share << ' ' << at;
+      }
+      const auto versine = [](double a) { return 2.0 * std::pow(std::sin(0.5 * a), 2); };
+      const double expected =
+          2.0 * std::numbers::pi * 8.0 * (versine(inner) + (versine(outer) - versine(inner)) / 3.0);
+      double sum = 0.0;
+      constexpr std::uint32_t kCount = 1 << 14;
+      for (std::uint32_t i = 0; i < kCount; ++i) {
+        Sampler sampler(1, i, 0);
+        EmittedPhoton p;
+        if (!lit.lights.emit(sampler, p)) continue;
+        sum += static_cast<double>(p.power.x) / kCount;
+        EXPECT_LE(std::acos(std::min(-static_cast<double>(p.direction.y), 1.0)),
+                  1.001 * outer + 4e-4);
+      }
+      EXPECT_NEAR(sum / expected, 1.0, 0.01) << outer << ' ' << share;
+    }
+  }
+}
+
 /// Estimates of the irradiance on a place that faces up, without shadows: mean, and deviation of
 /// one sample over it.
 struct Irradiance {
@@ -254,6 +296,36 @@ TEST(Lights, EnvironmentSamplesFollowTheirDensity) {
     }
   }
   EXPECT_GT(test::chiSquareP(counts, expected), 1e-3);
+}
+
+/// One texel far above the others: look-ups mix it into its neighbours, corners too, and all of
+/// that is found by light sampling, not by rare chance.
+TEST(Lights, ASparkOfAMapIsFoundWithItsNeighbours) {
+  Scene scene = floorAlone();
+  const auto map = std::make_shared<Image>();
+  map->width = 64;
+  map->height = 32;
+  map->channels = 3;
+  map->floats.assign(64 * 32 * 3, 1e-4f);
+  for (std::size_t c = 0; c < 3; ++c) map->floats[(9 * 64 + 20) * 3 + c] = 1000.0f;
+  scene.environment.map = map;
+  scene.environment.color = vec3(1.0f);
+  const Lit lit(scene);
+  double expected = 0.0;
+  constexpr int kFine = 8, kRows = 32 * kFine, kColumns = 64 * kFine;
+  for (int i = 0; i < kRows / 2; ++i) {
+    for (int j = 0; j < kColumns; ++j) {
+      const double theta = std::numbers::pi * (i + 0.5) / kRows;
+      const double phi = 2.0 * std::numbers::pi * ((j + 0.5) / kColumns - 0.5);
+      const vec3 d(dvec3(std::sin(theta) * std::sin(phi), std::cos(theta),
+                         -std::sin(theta) * std::cos(phi)));
+      expected += static_cast<double>(lit.lights.environment(d).x) * std::cos(theta) *
+                  std::sin(theta) * 2.0 * std::numbers::pi * std::numbers::pi / (kRows * kColumns);
+    }
+  }
+  const Irradiance found = irradianceOf(lit, dvec3(0.0), 1 << 14);
+  EXPECT_NEAR(found.mean / expected, 1.0, 0.02);
+  EXPECT_LT(found.noise, 1.3);
 }
 
 /// Every emitted photon's power agrees with the irradiance it stands for: sum over a plane.

@@ -121,13 +121,18 @@ Moments floorPower(const Shot& shot) {
 
 TEST(PhotonGuide, FloorBehindAWindowGetsTheSamePowerWithLessNoise) {
   for (const Scene& scene : {underSky(), underSun(), underMap()}) {
-    const Shot plain = shoot(scene, false), guided = shoot(scene, true);
-    const Moments a = floorPower(plain), b = floorPower(guided);
-    const dvec3 va = a.varianceOfMean(), vb = b.varianceOfMean();
-    EXPECT_GT(a.mean().y, 0.0);
-    EXPECT_NEAR(a.mean().y, b.mean().y, 4.0 * std::sqrt(va.y + vb.y));
-    EXPECT_LT(vb.y, 0.25 * va.y);
-    EXPECT_GT(guided.wanted, 5 * plain.wanted);
+    double plainNoise = 0.0, guidedNoise = 0.0;  // of one draw it varies twofold
+    for (std::uint32_t seed = 0; seed < 4; ++seed) {
+      const Shot plain = shoot(scene, false, seed), guided = shoot(scene, true, seed);
+      const Moments a = floorPower(plain), b = floorPower(guided);
+      const dvec3 va = a.varianceOfMean(), vb = b.varianceOfMean();
+      EXPECT_GT(a.mean().y, 0.0);
+      EXPECT_NEAR(a.mean().y, b.mean().y, 4.0 * std::sqrt(va.y + vb.y));
+      EXPECT_GT(guided.wanted, 5 * plain.wanted);
+      plainNoise += va.y;
+      guidedNoise += vb.y;
+    }
+    EXPECT_LT(guidedNoise, 0.25 * plainNoise);
   }
 }
 

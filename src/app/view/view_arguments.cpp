@@ -85,9 +85,10 @@ void read(const Texts& t, ViewArguments& a) {
   s.samples = t.samples;
   s.device = parseDevice(t.device);
   s.machine = measuredMachine(s);
-  if (!t.maxMemory.empty()) s.maxMemory = parseBytes(t.maxMemory);
-  if (!t.maxGpuMemory.empty()) s.maxGpuMemory = parseBytes(t.maxGpuMemory);
-  if (!t.cache.empty()) a.viewer.cacheBytes = std::max<std::uint64_t>(parseBytes(t.cache), 1);
+  if (!t.maxMemory.empty()) s.maxMemory = parseBytes("--max-memory", t.maxMemory);
+  if (!t.maxGpuMemory.empty()) s.maxGpuMemory = parseBytes("--max-gpu-memory", t.maxGpuMemory);
+  if (!t.cache.empty())
+    a.viewer.cacheBytes = std::max<std::uint64_t>(parseBytes("--cache", t.cache), 1);
   a.viewer.input = t.input;
   a.viewer.edits = t.edits;
   a.viewer.useStale = t.stale == "use";
