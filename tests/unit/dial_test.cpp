@@ -417,6 +417,8 @@ TEST(DialSession, TheErrorItTellsIsTheError) {
     std::sort(ratios.begin(), ratios.end());
     EXPECT_GT(ratios[2], 0.5) << samples;
     EXPECT_LT(ratios[2], 2.0) << samples;
+    EXPECT_GT(ratios.front(), 0.4) << samples;
+    EXPECT_LT(ratios.back(), 2.5) << samples;
   }
 }
 
