@@ -4,7 +4,8 @@ add_executable(scene_test ${CMAKE_CURRENT_LIST_DIR}/scene_helpers.cpp
   ${CMAKE_CURRENT_LIST_DIR}/scene_replaced_test.cpp ${CMAKE_CURRENT_LIST_DIR}/scene_exporters_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/scene_gltf_extensions_test.cpp ${CMAKE_CURRENT_LIST_DIR}/scene_stl_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/scene_light_images_test.cpp
-  ${CMAKE_CURRENT_LIST_DIR}/scene_stream_test.cpp ${CMAKE_CURRENT_LIST_DIR}/scene_mitsuba_test.cpp ${CMAKE_CURRENT_LIST_DIR}/daylight_test.cpp
+  ${CMAKE_CURRENT_LIST_DIR}/scene_stream_test.cpp ${CMAKE_CURRENT_LIST_DIR}/scene_mitsuba_test.cpp
+  ${CMAKE_CURRENT_LIST_DIR}/scene_mitsuba_looks_test.cpp ${CMAKE_CURRENT_LIST_DIR}/daylight_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/shape_meshes_test.cpp ${CMAKE_CURRENT_LIST_DIR}/spectra_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/scene_pbrt_test.cpp ${CMAKE_CURRENT_LIST_DIR}/scene_pbrt_looks_test.cpp
   ${CMAKE_CURRENT_LIST_DIR}/synth_test.cpp)
